@@ -1,0 +1,1 @@
+//! Radiosity on `farfield`.

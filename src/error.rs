@@ -1,0 +1,112 @@
+//! What went wrong, with which input, and what was expected instead.
+
+use std::fmt;
+
+/// Which of the two point sets an error speaks of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PointSet {
+    /// The points that carry charges.
+    Sources,
+    /// The points at which values are asked for.
+    Targets,
+}
+
+impl fmt::Display for PointSet {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Sources => "source",
+            Self::Targets => "target",
+        })
+    }
+}
+
+/// Every way in which the engine refuses an input.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A coordinate is NaN or infinite.
+    #[error("{set} {index} is at {position:?}: expected finite coordinates")]
+    NonFinitePosition {
+        /// The set the point belongs to.
+        set: PointSet,
+        /// Its index in the caller's order.
+        index: usize,
+        /// Its coordinates.
+        position: [f64; 3],
+    },
+    /// A charge holds a NaN or an infinity.
+    #[error("charge {index} is {charge}: expected a finite charge")]
+    NonFiniteCharge {
+        /// Its index in the caller's order.
+        index: usize,
+        /// The charge, printed.
+        charge: String,
+    },
+    /// A sum came out as NaN or infinite although all inputs were finite: the kernel is singular at
+    /// a pair that occurs, or the sum overflows.
+    #[error(
+        "the sum at target {index} is {value}: expected the kernel to be finite at every pair that \
+         occurs (a kernel that is singular at coincident points must give zero there)"
+    )]
+    NonFiniteValue {
+        /// The target's index in the caller's order.
+        index: usize,
+        /// The sum, printed.
+        value: String,
+    },
+    /// Two inputs that belong together have different lengths.
+    #[error("{what}: expected {expected} entries, found {found}")]
+    LengthMismatch {
+        /// The input that has the wrong length.
+        what: &'static str,
+        /// The length it must have.
+        expected: usize,
+        /// The length it has.
+        found: usize,
+    },
+    /// More points than the engine's 32-bit indices can number.
+    #[error("{found} {set}s: expected at most {limit}")]
+    TooManyPoints {
+        /// The set that is too large.
+        set: PointSet,
+        /// The largest number allowed.
+        limit: usize,
+        /// The number given.
+        found: usize,
+    },
+    /// The bounding cube of the points is so large that distances overflow.
+    #[error("the points extend over {extent:e}: expected at most {limit:e}")]
+    ExtentTooLarge {
+        /// The largest edge of the bounding box.
+        extent: f64,
+        /// The largest edge allowed.
+        limit: f64,
+    },
+    /// A tolerance outside the open interval (0, 1).
+    #[error("tolerance {found}: expected a number between 0 and 1, both excluded")]
+    InvalidTolerance {
+        /// The number given.
+        found: f64,
+    },
+    /// The tolerance can't be met with this kernel, precision and extent.
+    #[error("tolerance {requested:e} is out of reach for this kernel here: expected {reachable:e} or more")]
+    UnreachableTolerance {
+        /// The tolerance asked for.
+        requested: f64,
+        /// The smallest error seen.
+        reachable: f64,
+    },
+    /// An expansion order outside the range that its expansion supports.
+    #[error("order {found}: expected {min} to {max}")]
+    InvalidOrder {
+        /// The smallest order allowed.
+        min: usize,
+        /// The largest order allowed.
+        max: usize,
+        /// The order given.
+        found: usize,
+    },
+    /// A leaf size of zero.
+    #[error("leaf size 0: expected at least 1 point per leaf")]
+    InvalidLeafSize,
+}

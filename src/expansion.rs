@@ -1,0 +1,234 @@
+//! Expansions: how a kernel's far field is carried from cell to cell.
+
+use rayon::prelude::*;
+
+use crate::error::Error;
+use crate::geometry::Cell;
+use crate::kernel::{Kernel, Outcome};
+use crate::real::Additive;
+
+/// A kernel's far field in five operators.
+///
+/// | operator | from | to |
+/// |---|---|---|
+/// | [`p2m`](Self::p2m) | sources in a cell | multipole terms of the cell |
+/// | [`m2m`](Self::m2m) | multipole terms of a child | those of its parent |
+/// | [`m2l`](Self::m2l) | multipole terms of a source cell | local terms of a target cell of the same level |
+/// | [`l2l`](Self::l2l) | local terms of a parent | those of its child |
+/// | [`l2p`](Self::l2p) | local terms of a cell | values at the targets in it |
+///
+/// Every operator *adds* to its last argument and is linear in the one it reads. The engine calls
+/// `m2l`, `m2p` and `p2l` only between cells that are well separated, which with a
+/// [mask](crate::Mask) may be any number of cells apart, not just the 316 offsets of an
+/// unmasked tree. Cells give [normalised](Cell::normalised) coordinates: expansions work in
+/// those, so that no power of a length in scene units is ever formed.
+///
+/// [`conformance::check`](crate::conformance::check) tells whether an implementation obeys.
+pub trait Expansion: Send + Sync {
+    /// The kernel expanded.
+    type Kernel: Kernel;
+    /// One multipole term.
+    type MultipoleTerm: Additive;
+    /// One local term.
+    type LocalTerm: Additive;
+
+    /// The kernel expanded.
+    fn kernel(&self) -> &Self::Kernel;
+
+    /// How many multipole terms a cell of `level` has.
+    fn multipole_len(&self, level: usize) -> usize;
+
+    /// How many local terms a cell of `level` has.
+    fn local_len(&self, level: usize) -> usize;
+
+    /// Called once before any operator, with what will be asked for: the place to choose orders and
+    /// to precompute translation operators for the levels and offsets that occur, and for no others.
+    /// Operators must also work at levels and offsets that were not announced.
+    ///
+    /// # Errors
+    /// If the accuracy asked for can't be reached on this geometry.
+    fn prepare(&mut self, _plan: &Geometry<RealOf<Self>>) -> Result<(), Error> {
+        Ok(())
+    }
+
+    /// How many points a leaf should hold for the near and the far field to cost about the same.
+    fn leaf_size(&self) -> usize {
+        64
+    }
+
+    /// Adds the moments of `sources` with `charges` about the centre of `cell`.
+    fn p2m(
+        &self,
+        cell: &Cell<RealOf<Self>>,
+        sources: &[SourceOf<Self>],
+        charges: &[ChargeOf<Self>],
+        multipole: &mut [Self::MultipoleTerm],
+    );
+
+    /// Adds the child's moments, shifted to the parent's centre.
+    fn m2m(
+        &self,
+        child: &Cell<RealOf<Self>>,
+        parent: &Cell<RealOf<Self>>,
+        from: &[Self::MultipoleTerm],
+        to: &mut [Self::MultipoleTerm],
+    );
+
+    /// Adds the local expansion, about the centre of `target`, of the field of `source`.
+    fn m2l(
+        &self,
+        source: &Cell<RealOf<Self>>,
+        target: &Cell<RealOf<Self>>,
+        from: &[Self::MultipoleTerm],
+        to: &mut [Self::LocalTerm],
+    );
+
+    /// Adds the parent's local expansion, shifted to the child's centre.
+    fn l2l(
+        &self,
+        parent: &Cell<RealOf<Self>>,
+        child: &Cell<RealOf<Self>>,
+        from: &[Self::LocalTerm],
+        to: &mut [Self::LocalTerm],
+    );
+
+    /// Adds the values of a local expansion at `targets`.
+    fn l2p(
+        &self,
+        cell: &Cell<RealOf<Self>>,
+        local: &[Self::LocalTerm],
+        targets: &[TargetOf<Self>],
+        values: &mut [ValueOf<Self>],
+    );
+
+    /// All M2L translations of one level. Override it to turn a whole level into matrix products;
+    /// each target cell's sum must keep one fixed order.
+    fn m2l_level(
+        &self,
+        level: &LevelPairs<'_, RealOf<Self>>,
+        multipoles: &[Self::MultipoleTerm],
+        locals: &mut [Self::LocalTerm],
+    ) {
+        let multipole_len = self.multipole_len(level.level);
+        locals.par_chunks_mut(self.local_len(level.level)).enumerate().for_each(|(t, local)| {
+            for &s in level.sources_of(t) {
+                let multipole = &multipoles[s as usize * multipole_len..][..multipole_len];
+                self.m2l(&level.sources[s as usize], &level.targets[t], multipole, local);
+            }
+        });
+    }
+
+    /// Adds the values of a multipole expansion at `targets` that are well separated from `cell`.
+    /// Never wrong to decline: the engine then sums directly.
+    fn m2p(
+        &self,
+        _cell: &Cell<RealOf<Self>>,
+        _multipole: &[Self::MultipoleTerm],
+        _targets: &[TargetOf<Self>],
+        _values: &mut [ValueOf<Self>],
+    ) -> Outcome {
+        Outcome::Declined
+    }
+
+    /// Adds the local expansion about the centre of `cell` of `sources` that are well separated from
+    /// it. Never wrong to decline: the engine then sums directly.
+    fn p2l(
+        &self,
+        _cell: &Cell<RealOf<Self>>,
+        _sources: &[SourceOf<Self>],
+        _charges: &[ChargeOf<Self>],
+        _local: &mut [Self::LocalTerm],
+    ) -> Outcome {
+        Outcome::Declined
+    }
+}
+
+/// The precision of an expansion's kernel.
+pub type RealOf<E> = <<E as Expansion>::Kernel as Kernel>::Real;
+/// The sources of an expansion's kernel.
+pub type SourceOf<E> = <<E as Expansion>::Kernel as Kernel>::Source;
+/// The targets of an expansion's kernel.
+pub type TargetOf<E> = <<E as Expansion>::Kernel as Kernel>::Target;
+/// The charges of an expansion's kernel.
+pub type ChargeOf<E> = <<E as Expansion>::Kernel as Kernel>::Charge;
+/// The values of an expansion's kernel.
+pub type ValueOf<E> = <<E as Expansion>::Kernel as Kernel>::Value;
+
+/// What a plan will ask of its expansion.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Geometry<T> {
+    /// The levels at which expansions are formed, from the coarsest to the finest.
+    pub levels: Vec<Level<T>>,
+}
+
+/// One level of a plan.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Level<T> {
+    /// Its depth; the root's is 0.
+    pub level: usize,
+    /// Half the edge of its cells.
+    pub half_width: T,
+    /// The distinct integer vectors from source to target cell of its M2L pairs, in ascending order.
+    pub offsets: Vec<[i32; 3]>,
+}
+
+impl<T> Geometry<T> {
+    /// The distinct offsets of all levels together, in ascending order.
+    pub fn all_offsets(&self) -> Vec<[i32; 3]> {
+        let mut offsets: Vec<_> = self.levels.iter().flat_map(|l| l.offsets.clone()).collect();
+        offsets.sort_unstable();
+        offsets.dedup();
+        offsets
+    }
+}
+
+/// The M2L pairs of one level: for each target cell, the source cells that act on it.
+#[derive(Clone, Copy, Debug)]
+pub struct LevelPairs<'a, T: crate::Real> {
+    /// The level.
+    pub level: usize,
+    /// Its source cells.
+    pub sources: &'a [Cell<T>],
+    /// Its target cells.
+    pub targets: &'a [Cell<T>],
+    /// For each target cell, where its list starts in `list`; one more entry ends the last.
+    pub starts: &'a [u32],
+    /// Indices into `sources`.
+    pub list: &'a [u32],
+}
+
+impl<T: crate::Real> LevelPairs<'_, T> {
+    /// The source cells that act on target cell `t`.
+    pub fn sources_of(&self, t: usize) -> &[u32] {
+        &self.list[self.starts[t] as usize..self.starts[t + 1] as usize]
+    }
+}
+
+/// One value per integer offset, found by binary search: where expansions keep their operators.
+#[derive(Clone, Debug)]
+pub struct OffsetMap<V> {
+    offsets: Vec<[i32; 3]>,
+    values: Vec<V>,
+}
+
+impl<V> Default for OffsetMap<V> {
+    fn default() -> Self {
+        Self { offsets: Vec::new(), values: Vec::new() }
+    }
+}
+
+impl<V: Send> OffsetMap<V> {
+    /// Makes one value for each of `offsets`, in parallel.
+    pub fn build(offsets: &[[i32; 3]], make: impl Fn([i32; 3]) -> V + Sync) -> Self {
+        let mut offsets = offsets.to_vec();
+        offsets.sort_unstable();
+        offsets.dedup();
+        let values = offsets.par_iter().map(|&offset| make(offset)).collect();
+        Self { offsets, values }
+    }
+
+    /// The value at `offset`, if it was built.
+    pub fn get(&self, offset: [i32; 3]) -> Option<&V> {
+        self.offsets.binary_search(&offset).ok().map(|i| &self.values[i])
+    }
+}

@@ -1,0 +1,56 @@
+//! Masks: which pairs count.
+
+use crate::geometry::Cell;
+use crate::kernel::Kernel;
+
+/// Whether the pairs between two cells count.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Coverage {
+    /// Every pair counts: the expansion may be used.
+    Full,
+    /// No pair counts: nothing is computed.
+    Empty,
+    /// Some may, some may not, or it is not known: the cells are split, and leaf pairs are asked
+    /// for one by one.
+    Partial,
+}
+
+/// A cell together with the points in it.
+#[derive(Clone, Copy, Debug)]
+pub struct CellView<'a, P: crate::geometry::Located> {
+    /// The cell.
+    pub cell: &'a Cell<P::Real>,
+    /// Its points, at least one.
+    pub points: &'a [P],
+}
+
+/// The factor V(x, y) ∈ {0, 1} of a sum Σ_j K(x, y_j) V(x, y_j) q_j, such as visibility.
+///
+/// It is not smooth, so it never enters an expansion: the engine uses the expansion between cells
+/// only where *every* pair counts. Masks are geometry: they are asked while a plan is built and
+/// never again, and each pair of points is asked for at most once.
+pub trait Mask<K: Kernel>: Sync {
+    /// What holds for all pairs between two cells. [`Coverage::Partial`] is never wrong, only slow.
+    fn cells(
+        &self,
+        targets: CellView<'_, K::Target>,
+        sources: CellView<'_, K::Source>,
+    ) -> Coverage;
+
+    /// Whether the pair (x, y) counts. Must agree with [`cells`](Self::cells).
+    fn pair(&self, x: &K::Target, y: &K::Source) -> bool;
+}
+
+/// The mask that lets every pair count.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Unmasked;
+
+impl<K: Kernel> Mask<K> for Unmasked {
+    fn cells(&self, _: CellView<'_, K::Target>, _: CellView<'_, K::Source>) -> Coverage {
+        Coverage::Full
+    }
+
+    fn pair(&self, _: &K::Target, _: &K::Source) -> bool {
+        true
+    }
+}

@@ -1,0 +1,234 @@
+//! Numbers: the real precisions, the scalars of kernels, and what charges, values and terms can do.
+
+use std::fmt::Debug;
+
+use glam::{DVec3, Vec3};
+use num_complex::Complex;
+use num_traits::{Float, FloatConst, NumAssign};
+
+use crate::geometry::Vector;
+
+/// A type that can be summed up: charges, values, multipole and local terms.
+pub trait Additive: Copy + Debug + Send + Sync + 'static {
+    /// The neutral element of addition.
+    fn zero() -> Self;
+    /// `self += other`.
+    fn accumulate(&mut self, other: &Self);
+    /// Whether no component is NaN or infinite.
+    fn is_finite(&self) -> bool;
+    /// Sum of the squared moduli of all components, in double precision.
+    fn norm_squared(&self) -> f64;
+}
+
+/// An [`Additive`] type that can be scaled by `S`: a vector space over `S`.
+///
+/// Numbers, complex numbers, glam vectors and arrays of any of them are linear; arrays are how one
+/// sum carries several right-hand sides at once, such as the bands of a spectrum.
+pub trait Linear<S>: Additive {
+    /// `self += scale · other`.
+    fn add_scaled(&mut self, scale: S, other: &Self);
+}
+
+/// The number type that a kernel's entries have: a real number or a complex one.
+pub trait Scalar: Linear<Self> + NumAssign + std::ops::Neg<Output = Self> {
+    /// The real precision underneath.
+    type Real: Real;
+    /// The scalar with the given real part and no imaginary part.
+    fn from_real(x: Self::Real) -> Self;
+    /// Absolute value.
+    fn modulus(self) -> Self::Real;
+}
+
+/// A floating-point precision: `f32` or `f64`.
+pub trait Real:
+    Scalar<Real = Self> + Float + FloatConst + Linear<Self> + Default + std::fmt::Display + sealed::Sealed
+{
+    /// The glam vector of this precision: [`Vec3`] or [`DVec3`].
+    type Vector: Vector<Self>;
+    /// The nearest value of this precision.
+    fn from_f64(x: f64) -> Self;
+    /// The same value in double precision.
+    fn as_f64(self) -> f64;
+}
+
+mod sealed {
+    pub trait Sealed {}
+}
+
+macro_rules! real {
+    ($t:ty, $vector:ty) => {
+        impl sealed::Sealed for $t {}
+
+        impl Additive for $t {
+            #[inline(always)]
+            fn zero() -> Self {
+                0.0
+            }
+            #[inline(always)]
+            fn accumulate(&mut self, other: &Self) {
+                *self += other;
+            }
+            #[inline(always)]
+            fn is_finite(&self) -> bool {
+                <$t>::is_finite(*self)
+            }
+            #[inline(always)]
+            fn norm_squared(&self) -> f64 {
+                self.as_f64() * self.as_f64()
+            }
+        }
+
+        impl Linear<$t> for $t {
+            #[inline(always)]
+            fn add_scaled(&mut self, scale: $t, other: &Self) {
+                *self += scale * other;
+            }
+        }
+
+        impl Scalar for $t {
+            type Real = $t;
+            #[inline(always)]
+            fn from_real(x: $t) -> Self {
+                x
+            }
+            #[inline(always)]
+            fn modulus(self) -> $t {
+                self.abs()
+            }
+        }
+
+        impl Real for $t {
+            type Vector = $vector;
+            #[inline(always)]
+            fn from_f64(x: f64) -> Self {
+                x as $t
+            }
+            #[inline(always)]
+            fn as_f64(self) -> f64 {
+                self as f64
+            }
+        }
+
+        impl Linear<$t> for Complex<$t> {
+            #[inline(always)]
+            fn add_scaled(&mut self, scale: $t, other: &Self) {
+                *self += other * scale;
+            }
+        }
+
+        impl Additive for $vector {
+            #[inline(always)]
+            fn zero() -> Self {
+                <$vector>::ZERO
+            }
+            #[inline(always)]
+            fn accumulate(&mut self, other: &Self) {
+                *self += *other;
+            }
+            #[inline(always)]
+            fn is_finite(&self) -> bool {
+                <$vector>::is_finite(*self)
+            }
+            #[inline(always)]
+            fn norm_squared(&self) -> f64 {
+                self.to_array().norm_squared()
+            }
+        }
+
+        impl Linear<$t> for $vector {
+            #[inline(always)]
+            fn add_scaled(&mut self, scale: $t, other: &Self) {
+                *self += *other * scale;
+            }
+        }
+    };
+}
+
+real!(f32, Vec3);
+real!(f64, DVec3);
+
+impl<T: Real> Additive for Complex<T> {
+    #[inline(always)]
+    fn zero() -> Self {
+        Complex::new(<T as Additive>::zero(), <T as Additive>::zero())
+    }
+    #[inline(always)]
+    fn accumulate(&mut self, other: &Self) {
+        *self += other;
+    }
+    #[inline(always)]
+    fn is_finite(&self) -> bool {
+        Additive::is_finite(&self.re) && Additive::is_finite(&self.im)
+    }
+    #[inline(always)]
+    fn norm_squared(&self) -> f64 {
+        self.re.norm_squared() + self.im.norm_squared()
+    }
+}
+
+impl<T: Real> Linear<Complex<T>> for Complex<T> {
+    #[inline(always)]
+    fn add_scaled(&mut self, scale: Complex<T>, other: &Self) {
+        *self += scale * other;
+    }
+}
+
+impl<T: Real> Scalar for Complex<T> {
+    type Real = T;
+    #[inline(always)]
+    fn from_real(x: T) -> Self {
+        Complex::new(x, <T as Additive>::zero())
+    }
+    #[inline(always)]
+    fn modulus(self) -> T {
+        self.norm()
+    }
+}
+
+impl<V: Additive, const N: usize> Additive for [V; N] {
+    #[inline(always)]
+    fn zero() -> Self {
+        [V::zero(); N]
+    }
+    #[inline(always)]
+    fn accumulate(&mut self, other: &Self) {
+        for (a, b) in self.iter_mut().zip(other) {
+            a.accumulate(b);
+        }
+    }
+    #[inline(always)]
+    fn is_finite(&self) -> bool {
+        self.iter().all(V::is_finite)
+    }
+    #[inline(always)]
+    fn norm_squared(&self) -> f64 {
+        self.iter().map(V::norm_squared).sum()
+    }
+}
+
+impl<S: Copy, V: Linear<S>, const N: usize> Linear<S> for [V; N] {
+    #[inline(always)]
+    fn add_scaled(&mut self, scale: S, other: &Self) {
+        for (a, b) in self.iter_mut().zip(other) {
+            a.add_scaled(scale, b);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn arrays_of_complex_numbers_are_linear_over_both_scalars() {
+        let one = [Complex::new(1.0, 2.0); 2];
+        let mut real = one;
+        real.add_scaled(2.0, &one);
+        assert_eq!(real, [Complex::new(3.0, 6.0); 2]);
+        let mut complex = one;
+        complex.add_scaled(Complex::i(), &one);
+        assert_eq!(complex, [Complex::new(-1.0, 3.0); 2]);
+        assert_eq!(one.norm_squared(), 10.0);
+        assert!(!Additive::is_finite(&[Complex::new(1.0, f64::NAN)]));
+    }
+}
