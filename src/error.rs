@@ -89,7 +89,9 @@ pub enum Error {
         found: f64,
     },
     /// The tolerance can't be met with this kernel, precision and extent.
-    #[error("tolerance {requested:e} is out of reach for this kernel here: expected {reachable:e} or more")]
+    #[error(
+        "tolerance {requested:e} is out of reach for this kernel here: expected {reachable:e} or more"
+    )]
     UnreachableTolerance {
         /// The tolerance asked for.
         requested: f64,

@@ -3,9 +3,9 @@
 use rayon::prelude::*;
 
 use crate::error::Error;
-use crate::geometry::Cell;
+use crate::geometry::{Cell, Cube};
 use crate::kernel::{Kernel, Outcome};
-use crate::real::Additive;
+use crate::real::{Additive, Real};
 
 /// A kernel's far field in five operators.
 ///
@@ -110,12 +110,14 @@ pub trait Expansion: Send + Sync {
         locals: &mut [Self::LocalTerm],
     ) {
         let multipole_len = self.multipole_len(level.level);
-        locals.par_chunks_mut(self.local_len(level.level)).enumerate().for_each(|(t, local)| {
-            for &s in level.sources_of(t) {
-                let multipole = &multipoles[s as usize * multipole_len..][..multipole_len];
-                self.m2l(&level.sources[s as usize], &level.targets[t], multipole, local);
-            }
-        });
+        locals.par_chunks_mut(self.local_len(level.level).max(1)).enumerate().for_each(
+            |(t, local)| {
+                for s in level.sources_of(t) {
+                    let multipole = &multipoles[s * multipole_len..][..multipole_len];
+                    self.m2l(&level.sources[s], &level.targets[t], multipole, local);
+                }
+            },
+        );
     }
 
     /// Adds the values of a multipole expansion at `targets` that are well separated from `cell`.
@@ -155,15 +157,17 @@ pub type ChargeOf<E> = <<E as Expansion>::Kernel as Kernel>::Charge;
 pub type ValueOf<E> = <<E as Expansion>::Kernel as Kernel>::Value;
 
 /// What a plan will ask of its expansion.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Geometry<T> {
+#[derive(Clone, Debug, PartialEq)]
+pub struct Geometry<T: Real> {
+    /// The root cube of both trees.
+    pub root: Cube<T>,
     /// The levels at which expansions are formed, from the coarsest to the finest.
     pub levels: Vec<Level<T>>,
 }
 
 /// One level of a plan.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Level<T> {
+pub struct Level<T: Real> {
     /// Its depth; the root's is 0.
     pub level: usize,
     /// Half the edge of its cells.
@@ -172,7 +176,7 @@ pub struct Level<T> {
     pub offsets: Vec<[i32; 3]>,
 }
 
-impl<T> Geometry<T> {
+impl<T: Real> Geometry<T> {
     /// The distinct offsets of all levels together, in ascending order.
     pub fn all_offsets(&self) -> Vec<[i32; 3]> {
         let mut offsets: Vec<_> = self.levels.iter().flat_map(|l| l.offsets.clone()).collect();
@@ -184,7 +188,7 @@ impl<T> Geometry<T> {
 
 /// The M2L pairs of one level: for each target cell, the source cells that act on it.
 #[derive(Clone, Copy, Debug)]
-pub struct LevelPairs<'a, T: crate::Real> {
+pub struct LevelPairs<'a, T: Real> {
     /// The level.
     pub level: usize,
     /// Its source cells.
@@ -192,15 +196,18 @@ pub struct LevelPairs<'a, T: crate::Real> {
     /// Its target cells.
     pub targets: &'a [Cell<T>],
     /// For each target cell, where its list starts in `list`; one more entry ends the last.
-    pub starts: &'a [u32],
-    /// Indices into `sources`.
-    pub list: &'a [u32],
+    pub(crate) starts: &'a [u32],
+    /// The lists of all levels, as indices into the tree.
+    pub(crate) list: &'a [u32],
+    /// The tree's index of `sources[0]`.
+    pub(crate) first_source: usize,
 }
 
-impl<T: crate::Real> LevelPairs<'_, T> {
-    /// The source cells that act on target cell `t`.
-    pub fn sources_of(&self, t: usize) -> &[u32] {
-        &self.list[self.starts[t] as usize..self.starts[t + 1] as usize]
+impl<T: Real> LevelPairs<'_, T> {
+    /// Indices into `sources` of the cells that act on `targets[t]`.
+    pub fn sources_of(&self, t: usize) -> impl ExactSizeIterator<Item = usize> {
+        let list = &self.list[self.starts[t] as usize..self.starts[t + 1] as usize];
+        list.iter().map(|&s| s as usize - self.first_source)
     }
 }
 

@@ -10,6 +10,9 @@ use crate::real::{Linear, Real};
 /// The deepest level of the octree: three 21-bit coordinates fill one 64-bit Morton key.
 pub const MAX_LEVEL: usize = 21;
 
+/// The smallest half-width of a root cube, in units of the smallest normal number.
+const MIN_SCALE: f64 = (1u64 << (MAX_LEVEL + 8)) as f64;
+
 /// A point in space: [`DVec3`] for `f64`, [`Vec3`] for `f32`.
 pub type Point<T> = <T as Real>::Vector;
 
@@ -88,9 +91,11 @@ pub struct Cube<T: Real> {
 
 impl<T: Real> Cube<T> {
     /// The cube around `centre` whose half-width is at least `half_width`, rounded up by at most
-    /// one eighth. A half-width of zero gives a cube of half-width one.
+    /// one eighth. A half-width of zero gives a cube of half-width one; one so small that its
+    /// deepest cells would be denormal is raised.
     pub fn new(centre: Point<T>, half_width: T) -> Self {
         let half_width = if half_width > T::from_f64(0.0) {
+            let half_width = half_width.max(T::min_positive_value() * T::from_f64(MIN_SCALE));
             let exponent = half_width.log2().floor();
             let unit = exponent.exp2() / T::from_f64(8.0);
             (half_width / unit).ceil() * unit

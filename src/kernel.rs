@@ -212,9 +212,10 @@ pub fn direct<K: Kernel>(
 ) -> Vec<K::Value> {
     assert_eq!(sources.len(), charges.len(), "one charge per source");
     let mut values = vec![K::Value::zero(); targets.len()];
-    values.par_chunks_mut(DIRECT_BLOCK).zip(targets.par_chunks(DIRECT_BLOCK)).for_each(
-        |(us, xs)| kernel.add_block(xs, sources, charges, us),
-    );
+    values
+        .par_chunks_mut(DIRECT_BLOCK)
+        .zip(targets.par_chunks(DIRECT_BLOCK))
+        .for_each(|(us, xs)| kernel.add_block(xs, sources, charges, us));
     values
 }
 

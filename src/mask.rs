@@ -1,6 +1,6 @@
 //! Masks: which pairs count.
 
-use crate::geometry::Cell;
+use crate::geometry::{Cell, Located};
 use crate::kernel::Kernel;
 
 /// Whether the pairs between two cells count.
@@ -16,13 +16,21 @@ pub enum Coverage {
 }
 
 /// A cell together with the points in it.
-#[derive(Clone, Copy, Debug)]
-pub struct CellView<'a, P: crate::geometry::Located> {
+#[derive(Debug)]
+pub struct CellView<'a, P: Located> {
     /// The cell.
     pub cell: &'a Cell<P::Real>,
     /// Its points, at least one.
     pub points: &'a [P],
 }
+
+impl<P: Located> Clone for CellView<'_, P> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<P: Located> Copy for CellView<'_, P> {}
 
 /// The factor V(x, y) ∈ {0, 1} of a sum Σ_j K(x, y_j) V(x, y_j) q_j, such as visibility.
 ///
@@ -31,11 +39,8 @@ pub struct CellView<'a, P: crate::geometry::Located> {
 /// never again, and each pair of points is asked for at most once.
 pub trait Mask<K: Kernel>: Sync {
     /// What holds for all pairs between two cells. [`Coverage::Partial`] is never wrong, only slow.
-    fn cells(
-        &self,
-        targets: CellView<'_, K::Target>,
-        sources: CellView<'_, K::Source>,
-    ) -> Coverage;
+    fn cells(&self, targets: CellView<'_, K::Target>, sources: CellView<'_, K::Source>)
+    -> Coverage;
 
     /// Whether the pair (x, y) counts. Must agree with [`cells`](Self::cells).
     fn pair(&self, x: &K::Target, y: &K::Source) -> bool;
@@ -52,5 +57,19 @@ impl<K: Kernel> Mask<K> for Unmasked {
 
     fn pair(&self, _: &K::Target, _: &K::Source) -> bool {
         true
+    }
+}
+
+impl<K: Kernel, M: Mask<K>> Mask<K> for &M {
+    fn cells(
+        &self,
+        targets: CellView<'_, K::Target>,
+        sources: CellView<'_, K::Source>,
+    ) -> Coverage {
+        (**self).cells(targets, sources)
+    }
+
+    fn pair(&self, x: &K::Target, y: &K::Source) -> bool {
+        (**self).pair(x, y)
     }
 }

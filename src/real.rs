@@ -41,7 +41,13 @@ pub trait Scalar: Linear<Self> + NumAssign + std::ops::Neg<Output = Self> {
 
 /// A floating-point precision: `f32` or `f64`.
 pub trait Real:
-    Scalar<Real = Self> + Float + FloatConst + Linear<Self> + Default + std::fmt::Display + sealed::Sealed
+    Scalar<Real = Self>
+    + Float
+    + FloatConst
+    + Linear<Self>
+    + Default
+    + std::fmt::Display
+    + sealed::Sealed
 {
     /// The glam vector of this precision: [`Vec3`] or [`DVec3`].
     type Vector: Vector<Self>;
