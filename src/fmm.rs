@@ -274,9 +274,7 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
 
         report(Phase::Operators, 0.0);
         let levels = levels(&lists, &source_tree, &target_tree, self.scheme);
-        if far {
-            self.expansion.prepare(&Geometry { root, levels })?;
-        }
+        self.expansion.prepare(&Geometry { root, levels })?;
         report(Phase::Operators, 1.0);
 
         let stats = stats(&self.expansion, &lists, &source_tree, &target_tree, leaf_size);

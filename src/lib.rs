@@ -1,7 +1,9 @@
 //! Fast multipole sums: u_i = Σ_j K(x_i, y_j) q_j over N points in O(N) instead of O(N²).
 
 mod chebyshev;
+pub mod conformance;
 mod error;
+mod exact;
 mod expansion;
 mod fmm;
 mod geometry;

@@ -8,12 +8,14 @@ use num_traits::{Float, FloatConst, NumAssign};
 
 use crate::geometry::Vector;
 
-/// A type that can be summed up: charges, values, multipole and local terms.
+/// A type that can be added and subtracted: charges, values, multipole and local terms.
 pub trait Additive: Copy + Debug + Send + Sync + 'static {
     /// The neutral element of addition.
     fn zero() -> Self;
     /// `self += other`.
     fn accumulate(&mut self, other: &Self);
+    /// `self -= other`.
+    fn subtract(&mut self, other: &Self);
     /// Whether no component is NaN or infinite.
     fn is_finite(&self) -> bool;
     /// Sum of the squared moduli of all components, in double precision.
@@ -75,6 +77,10 @@ macro_rules! real {
                 *self += other;
             }
             #[inline(always)]
+            fn subtract(&mut self, other: &Self) {
+                *self -= other;
+            }
+            #[inline(always)]
             fn is_finite(&self) -> bool {
                 <$t>::is_finite(*self)
             }
@@ -132,6 +138,10 @@ macro_rules! real {
                 *self += *other;
             }
             #[inline(always)]
+            fn subtract(&mut self, other: &Self) {
+                *self -= *other;
+            }
+            #[inline(always)]
             fn is_finite(&self) -> bool {
                 <$vector>::is_finite(*self)
             }
@@ -161,6 +171,10 @@ impl<T: Real> Additive for Complex<T> {
     #[inline(always)]
     fn accumulate(&mut self, other: &Self) {
         *self += other;
+    }
+    #[inline(always)]
+    fn subtract(&mut self, other: &Self) {
+        *self -= other;
     }
     #[inline(always)]
     fn is_finite(&self) -> bool {
@@ -200,6 +214,12 @@ impl<V: Additive, const N: usize> Additive for [V; N] {
     fn accumulate(&mut self, other: &Self) {
         for (a, b) in self.iter_mut().zip(other) {
             a.accumulate(b);
+        }
+    }
+    #[inline(always)]
+    fn subtract(&mut self, other: &Self) {
+        for (a, b) in self.iter_mut().zip(other) {
+            a.subtract(b);
         }
     }
     #[inline(always)]
