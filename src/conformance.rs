@@ -16,9 +16,9 @@
 
 use crate::error::Error;
 use crate::expansion::{ChargeOf, Expansion, Geometry, Level, RealOf, SourceOf, TargetOf, ValueOf};
-use crate::geometry::{Cell, Cube, Located, Point, Vector};
+use crate::geometry::{Cell, Cube};
 use crate::kernel::{Outcome, PointKernel, direct, relative_l2_error};
-use crate::real::{Additive, Linear, Real};
+use crate::real::{Additive, Linear, Located, Point, Real, Vector};
 
 pub use crate::exact::{Counting, RankOne};
 

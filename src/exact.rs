@@ -3,9 +3,9 @@
 use std::marker::PhantomData;
 
 use crate::expansion::Expansion;
-use crate::geometry::{Cell, Located, Point, Vector};
+use crate::geometry::Cell;
 use crate::kernel::{Kernel, Outcome, PointKernel};
-use crate::real::Real;
+use crate::real::{Located, Point, Real, Vector};
 
 /// K ≡ 1: every sum is the total charge, an integer if the charges are. A pair that is counted twice
 /// or missed shows as a wrong integer.

@@ -7,30 +7,13 @@ use rayon::prelude::*;
 
 use crate::error::{Error, PointSet};
 use crate::expansion::{ChargeOf, Expansion, Geometry, Level, RealOf, SourceOf, TargetOf, ValueOf};
-use crate::geometry::Located;
 use crate::interpolation::Interpolation;
-use crate::kernel::{Kernel, PointKernel};
+use crate::kernel::PointKernel;
 use crate::lists::{ALL, Lists, Side};
 use crate::mask::{Mask, Unmasked};
-use crate::passes::Workspace;
-use crate::real::Additive;
+use crate::passes::{Plan, Scheme, Workspace};
+use crate::real::{Additive, Located};
 use crate::tree::{Tree, positions, root_cube};
-
-/// How a plan sums. All schemes give the same sums; they differ in cost.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Scheme {
-    /// Every pair: O(N²).
-    Direct,
-    /// Multipoles evaluated at every target: O(N log N).
-    Treecode {
-        /// Whether parents take their moments from their children (M2M) instead of from their
-        /// sources.
-        m2m: bool,
-    },
-    /// Multipoles turned into local expansions, evaluated once per target: O(N).
-    #[default]
-    Fmm,
-}
 
 /// Which part of building a plan is under way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -98,14 +81,7 @@ pub struct Stats {
 /// # Ok::<(), farfield::Error>(())
 /// ```
 pub struct Fmm<E: Expansion> {
-    pub(crate) expansion: E,
-    pub(crate) scheme: Scheme,
-    pub(crate) source_tree: Arc<Tree<RealOf<E>>>,
-    pub(crate) target_tree: Arc<Tree<RealOf<E>>>,
-    pub(crate) sources: Vec<SourceOf<E>>,
-    pub(crate) targets: Vec<TargetOf<E>>,
-    pub(crate) lists: Lists,
-    pub(crate) target_leaves: Vec<u32>,
+    plan: Plan<E>,
     stats: Stats,
     idle: Mutex<Vec<Workspace<E>>>,
 }
@@ -134,17 +110,17 @@ impl<E: Expansion> Fmm<E> {
     /// # Errors
     /// If there is not one charge per source, a charge is not finite, or a sum is not.
     pub fn apply(&self, charges: &[ChargeOf<E>]) -> Result<Vec<ValueOf<E>>, Error> {
-        if charges.len() != self.sources.len() {
-            let (expected, found) = (self.sources.len(), charges.len());
+        if charges.len() != self.plan.sources.len() {
+            let (expected, found) = (self.plan.sources.len(), charges.len());
             return Err(Error::LengthMismatch { what: "charges", expected, found });
         }
         if let Some(index) = charges.par_iter().position_first(|q| !q.is_finite()) {
             return Err(Error::NonFiniteCharge { index, charge: format!("{:?}", charges[index]) });
         }
         let mut workspace = self.take_workspace();
-        self.run(charges, &mut workspace);
-        let mut values = vec![ValueOf::<E>::zero(); self.targets.len()];
-        for (value, &i) in workspace.values.iter().zip(&self.target_tree.order) {
+        self.plan.run(charges, &mut workspace);
+        let mut values = vec![ValueOf::<E>::zero(); self.plan.targets.len()];
+        for (value, &i) in workspace.values.iter().zip(&self.plan.target_tree.order) {
             values[i as usize] = *value;
         }
         self.idle.lock().unwrap_or_else(|e| e.into_inner()).push(workspace);
@@ -163,19 +139,22 @@ impl<E: Expansion> Fmm<E> {
 
     /// The expansion, as prepared for this plan.
     pub fn expansion(&self) -> &E {
-        &self.expansion
+        &self.plan.expansion
     }
 
     /// A workspace that no other call is using: `apply` allocates only the first time.
     fn take_workspace(&self) -> Workspace<E> {
         let idle = self.idle.lock().unwrap_or_else(|e| e.into_inner()).pop();
-        idle.unwrap_or_else(|| Workspace::new(self))
+        idle.unwrap_or_else(|| Workspace::new(&self.plan))
     }
 }
 
 impl<E: Expansion> fmt::Debug for Fmm<E> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Fmm").field("scheme", &self.scheme).field("stats", &self.stats).finish()
+        f.debug_struct("Fmm")
+            .field("scheme", &self.plan.scheme)
+            .field("stats", &self.stats)
+            .finish()
     }
 }
 
@@ -278,7 +257,7 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
         report(Phase::Operators, 1.0);
 
         let stats = stats(&self.expansion, &lists, &source_tree, &target_tree, leaf_size);
-        Ok(Fmm {
+        let plan = Plan {
             expansion: self.expansion,
             scheme: self.scheme,
             target_leaves: target_tree.leaves(),
@@ -287,9 +266,8 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
             sources,
             targets,
             lists,
-            stats,
-            idle: Mutex::new(Vec::new()),
-        })
+        };
+        Ok(Fmm { plan, stats, idle: Mutex::new(Vec::new()) })
     }
 }
 
@@ -387,29 +365,4 @@ fn stats<E: Expansion>(
         }
     }
     stats
-}
-
-/// Direct summation with a mask: u_i = Σ_j K(x_i, y_j) V(x_i, y_j) q_j, asking for every pair.
-/// O(N·M): the reference for masked plans.
-///
-/// # Panics
-/// If `sources` and `charges` differ in length.
-pub fn direct_masked<K: Kernel>(
-    kernel: &K,
-    mask: &impl Mask<K>,
-    sources: &[K::Source],
-    charges: &[K::Charge],
-    targets: &[K::Target],
-) -> Vec<K::Value> {
-    assert_eq!(sources.len(), charges.len(), "one charge per source");
-    let sum = |x: &K::Target| {
-        let mut u = K::Value::zero();
-        for (y, q) in sources.iter().zip(charges) {
-            if mask.pair(x, y) {
-                kernel.add(x, y, q, &mut u);
-            }
-        }
-        u
-    };
-    targets.par_iter().map(sum).collect()
 }

@@ -1,83 +1,12 @@
-//! Points, things that are located at points, the root cube and its cells.
+//! The root cube and its cells.
 
-use std::fmt::Debug;
-use std::ops::{Add, Mul, Neg, Sub};
-
-use glam::{DVec3, Vec3};
-
-use crate::real::{Linear, Real};
+use crate::real::{Point, Real, Vector};
 
 /// The deepest level of the octree: three 21-bit coordinates fill one 64-bit Morton key.
 pub const MAX_LEVEL: usize = 21;
 
 /// The smallest half-width of a root cube, in units of the smallest normal number.
 const MIN_SCALE: f64 = (1u64 << (MAX_LEVEL + 8)) as f64;
-
-/// A point in space: [`DVec3`] for `f64`, [`Vec3`] for `f32`.
-pub type Point<T> = <T as Real>::Vector;
-
-/// What the engine needs of glam's vectors, in either precision.
-pub trait Vector<T: Real>:
-    Linear<T>
-    + Default
-    + PartialEq
-    + Located<Real = T>
-    + Add<Output = Self>
-    + Sub<Output = Self>
-    + Neg<Output = Self>
-    + Mul<T, Output = Self>
-{
-    /// The vector (x, y, z).
-    fn from_array(xyz: [T; 3]) -> Self;
-    /// Its three components.
-    fn to_array(self) -> [T; 3];
-    /// Inner product.
-    fn dot(self, other: Self) -> T;
-    /// Squared Euclidean length.
-    #[inline(always)]
-    fn length_squared(self) -> T {
-        self.dot(self)
-    }
-}
-
-/// Anything that sits at a point. Attributes (normals, areas, ids) travel along with it: the tree
-/// sorts the user's own things, not copies of their coordinates.
-pub trait Located: Clone + Debug + Send + Sync + 'static {
-    /// The precision of the coordinates.
-    type Real: Real;
-    /// Where it is.
-    fn position(&self) -> Point<Self::Real>;
-}
-
-macro_rules! vector {
-    ($t:ty, $vector:ty) => {
-        impl Vector<$t> for $vector {
-            #[inline(always)]
-            fn from_array(xyz: [$t; 3]) -> Self {
-                <$vector>::from_array(xyz)
-            }
-            #[inline(always)]
-            fn to_array(self) -> [$t; 3] {
-                <$vector>::to_array(&self)
-            }
-            #[inline(always)]
-            fn dot(self, other: Self) -> $t {
-                <$vector>::dot(self, other)
-            }
-        }
-
-        impl Located for $vector {
-            type Real = $t;
-            #[inline(always)]
-            fn position(&self) -> Self {
-                *self
-            }
-        }
-    };
-}
-
-vector!(f32, Vec3);
-vector!(f64, DVec3);
 
 /// The root cube of a tree.
 ///
@@ -217,6 +146,7 @@ impl<T: Real> Cell<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::{DVec3, Vec3};
 
     #[test]
     fn cell_centres_are_exact_in_single_precision() {

@@ -5,10 +5,10 @@ use std::fmt;
 use crate::chebyshev::Chebyshev;
 use crate::error::Error;
 use crate::expansion::{Expansion, Geometry, Level, OffsetMap};
-use crate::geometry::{Cell, Located, Point, Vector};
+use crate::geometry::Cell;
 use crate::kernel::{Outcome, PointKernel};
 use crate::probe;
-use crate::real::{Additive, Linear, Real, Scalar};
+use crate::real::{Additive, Linear, Located, Point, Real, Scalar, Vector};
 
 /// The far field of any [`PointKernel`] by interpolation at n × n × n Chebyshev nodes per cell
 /// (Fong and Darve, "The black-box fast multipole method", J. Comput. Phys. 228, 2009).

@@ -5,8 +5,7 @@ use std::marker::PhantomData;
 
 use rayon::prelude::*;
 
-use crate::geometry::{Located, Point};
-use crate::real::{Additive, Linear, Real, Scalar};
+use crate::real::{Additive, Linear, Located, Point, Real, Scalar};
 
 /// The sum's kernel: u(x) += K(x, y) q, linear in q.
 ///

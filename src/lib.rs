@@ -1,26 +1,70 @@
-//! Fast multipole sums: u_i = Σ_j K(x_i, y_j) q_j over N points in O(N) instead of O(N²).
+//! Fast multipole sums for any kernel.
+//!
+//! `farfield` computes
+//!
+//! ```text
+//! u(x_i) = Σ_j K(x_i, y_j) q_j
+//! ```
+//!
+//! over N points in O(N) instead of O(N²), for any kernel K that is smooth away from its diagonal. A
+//! formula is enough:
+//!
+//! ```
+//! use farfield::{Fmm, direct, from_fn, relative_l2_error};
+//! use glam::DVec3;
+//!
+//! let points: Vec<DVec3> = (1..1000).map(|i| (DVec3::new(0.2, 0.3, 0.5) * f64::from(i * i)).fract()).collect();
+//! let charges = vec![1.0; points.len()];
+//!
+//! let kernel = from_fn(|x: DVec3, y: DVec3| (-x.distance(y)).exp());
+//! let fmm = Fmm::builder(kernel).tolerance(1e-6).build(&points, &points)?;
+//! let potentials = fmm.apply(&charges)?;
+//!
+//! assert!(relative_l2_error(&potentials, &direct(&kernel, &points, &charges, &points)) < 1e-6);
+//! # Ok::<(), farfield::Error>(())
+//! ```
+//!
+//! # What to implement
+//!
+//! | you have | you write |
+//! |---|---|
+//! | a formula | a closure for [`from_fn`] |
+//! | a formula and attributes on the points (normals, areas, …) | [`Kernel`], one method; [`PointKernel`], three short ones, for the black-box [`Interpolation`] |
+//! | an analytic expansion | [`Expansion`]: P2M, M2M, M2L, L2L, L2P; held to its laws by [`conformance::check`] |
+//! | pairs that must not count (occlusion, exclusions) | [`Mask`], two methods |
+//!
+//! # What to expect
+//!
+//! [`Fmm`] is a plan: built once from the points, applied to any number of charges. Results have the
+//! same bits for any number of threads. Input that can't be summed gets an [`Error`] that names it.
+//! [`direct`] is the reference for everything.
 
-mod chebyshev;
-pub mod conformance;
+// Each module imports only from those above it.
 mod error;
-mod exact;
-mod expansion;
-mod fmm;
-mod geometry;
-mod interpolation;
-mod kernel;
-mod lists;
-mod mask;
-mod passes;
-mod probe;
 mod real;
+mod geometry;
+mod kernel;
+mod expansion;
+mod chebyshev;
+mod probe;
+mod interpolation;
 mod tree;
+mod mask;
+mod lists;
+mod passes;
+mod fmm;
+mod exact;
+pub mod conformance;
 
 pub use error::{Error, PointSet};
-pub use expansion::*;
-pub use fmm::*;
-pub use geometry::*;
-pub use interpolation::*;
-pub use kernel::*;
-pub use mask::*;
-pub use real::{Additive, Linear, Real, Scalar};
+pub use expansion::{
+    ChargeOf, Expansion, Geometry, Level, LevelPairs, OffsetMap, RealOf, SourceOf, TargetOf,
+    ValueOf,
+};
+pub use fmm::{Builder, Fmm, Phase, Progress, Stats};
+pub use geometry::{Cell, Cube, MAX_LEVEL};
+pub use interpolation::{Interpolation, MAX_ORDER};
+pub use kernel::{FnKernel, Kernel, Outcome, PointKernel, direct, from_fn, relative_l2_error};
+pub use mask::{CellView, Coverage, Mask, Unmasked, direct_masked};
+pub use passes::Scheme;
+pub use real::{Additive, Linear, Located, Point, Real, Scalar, Vector};

@@ -6,9 +6,9 @@
 
 use rayon::prelude::*;
 
-use crate::geometry::Located;
 use crate::kernel::Kernel;
 use crate::mask::{CellView, Coverage, Mask};
+use crate::real::Located;
 use crate::tree::Tree;
 
 /// The four lists, each grouped by target cell.
@@ -274,7 +274,7 @@ fn runs<K: Kernel>(
             }
             let block = ask(mask, targets.view(t).points, sources.view(near.source).points);
             let done = done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1;
-            if done % PROGRESS_STEP == 0 || done == partial {
+            if done.is_multiple_of(PROGRESS_STEP) || done == partial {
                 progress(done as f64 / partial as f64);
             }
             block

@@ -1,7 +1,11 @@
 //! Masks: which pairs count.
 
-use crate::geometry::{Cell, Located};
+use rayon::prelude::*;
+
+use crate::geometry::Cell;
 use crate::kernel::Kernel;
+use crate::real::Additive;
+use crate::real::Located;
 
 /// Whether the pairs between two cells count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -58,6 +62,31 @@ impl<K: Kernel> Mask<K> for Unmasked {
     fn pair(&self, _: &K::Target, _: &K::Source) -> bool {
         true
     }
+}
+
+/// Direct summation with a mask: u_i = Σ_j K(x_i, y_j) V(x_i, y_j) q_j, asking for every pair.
+/// O(N·M): the reference for masked plans.
+///
+/// # Panics
+/// If `sources` and `charges` differ in length.
+pub fn direct_masked<K: Kernel>(
+    kernel: &K,
+    mask: &impl Mask<K>,
+    sources: &[K::Source],
+    charges: &[K::Charge],
+    targets: &[K::Target],
+) -> Vec<K::Value> {
+    assert_eq!(sources.len(), charges.len(), "one charge per source");
+    let sum = |x: &K::Target| {
+        let mut u = K::Value::zero();
+        for (y, q) in sources.iter().zip(charges) {
+            if mask.pair(x, y) {
+                kernel.add(x, y, q, &mut u);
+            }
+        }
+        u
+    };
+    targets.par_iter().map(sum).collect()
 }
 
 impl<K: Kernel, M: Mask<K>> Mask<K> for &M {

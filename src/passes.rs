@@ -4,15 +4,47 @@
 //! does not depend on the number of threads.
 
 use std::ops::Range;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 use rayon::prelude::*;
 
-use crate::expansion::{ChargeOf, Expansion, LevelPairs, TargetOf, ValueOf};
-use crate::fmm::{Fmm, Scheme};
+use crate::expansion::{ChargeOf, Expansion, LevelPairs, RealOf, SourceOf, TargetOf, ValueOf};
 use crate::kernel::{Kernel, Outcome};
-use crate::lists::{ALL, Run, for_each_set_bit};
+use crate::lists::{ALL, Lists, Run, for_each_set_bit};
 use crate::real::Additive;
+use crate::tree::Tree;
+
+/// How a plan sums. All schemes give the same sums; they differ in cost.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Scheme {
+    /// Every pair: O(N²).
+    Direct,
+    /// Multipoles evaluated at every target: O(N log N).
+    Treecode {
+        /// Whether parents take their moments from their children (M2M) instead of from their
+        /// sources.
+        m2m: bool,
+    },
+    /// Multipoles turned into local expansions, evaluated once per target: O(N).
+    #[default]
+    Fmm,
+}
+
+/// What a sum needs besides charges.
+pub(crate) struct Plan<E: Expansion> {
+    pub(crate) expansion: E,
+    pub(crate) scheme: Scheme,
+    pub(crate) source_tree: Arc<Tree<RealOf<E>>>,
+    pub(crate) target_tree: Arc<Tree<RealOf<E>>>,
+    /// Sources in tree order.
+    pub(crate) sources: Vec<SourceOf<E>>,
+    /// Targets in tree order.
+    pub(crate) targets: Vec<TargetOf<E>>,
+    pub(crate) lists: Lists,
+    /// Leaves of the target tree in the order of their targets.
+    pub(crate) target_leaves: Vec<u32>,
+}
 
 /// Everything that one application writes to, kept from one to the next.
 pub(crate) struct Workspace<E: Expansion> {
@@ -35,9 +67,9 @@ struct Uses {
 }
 
 impl<E: Expansion> Workspace<E> {
-    pub(crate) fn new(fmm: &Fmm<E>) -> Self {
-        let uses = Uses::new(fmm);
-        let expansion = &fmm.expansion;
+    pub(crate) fn new(plan: &Plan<E>) -> Self {
+        let uses = Uses::new(plan);
+        let expansion = &plan.expansion;
         let lens = |levels,
                     used: &[bool],
                     level_of: &dyn Fn(usize) -> Range<usize>,
@@ -49,37 +81,37 @@ impl<E: Expansion> Workspace<E> {
                 })
                 .collect::<Vec<usize>>()
         };
-        let (sources, targets) = (&fmm.source_tree, &fmm.target_tree);
+        let (sources, targets) = (&plan.source_tree, &plan.target_tree);
         let multipoles = lens(sources.levels(), &uses.multipole, &|l| sources.level(l), &|l| {
             expansion.multipole_len(l)
         });
         let locals =
             lens(targets.levels(), &uses.local, &|l| targets.level(l), &|l| expansion.local_len(l));
         Self {
-            charges: Vec::with_capacity(fmm.sources.len()),
-            values: vec![Additive::zero(); fmm.targets.len()],
+            charges: Vec::with_capacity(plan.sources.len()),
+            values: vec![Additive::zero(); plan.targets.len()],
             multipoles: multipoles.into_iter().map(|n| vec![Additive::zero(); n]).collect(),
             locals: locals.into_iter().map(|n| vec![Additive::zero(); n]).collect(),
-            p2l_declined: fmm.lists.p2l.items.iter().map(|_| AtomicBool::new(false)).collect(),
+            p2l_declined: plan.lists.p2l.items.iter().map(|_| AtomicBool::new(false)).collect(),
             uses,
         }
     }
 }
 
 impl Uses {
-    fn new<E: Expansion>(fmm: &Fmm<E>) -> Self {
-        let (sources, targets, lists) = (&fmm.source_tree, &fmm.target_tree, &fmm.lists);
+    fn new<E: Expansion>(plan: &Plan<E>) -> Self {
+        let (sources, targets, lists) = (&plan.source_tree, &plan.target_tree, &plan.lists);
         let mut multipole = vec![false; sources.cells.len()];
         for &s in lists.m2l.items.iter().chain(&lists.m2p.items) {
             multipole[s as usize] = true;
         }
-        if fmm.scheme != (Scheme::Treecode { m2m: false }) {
+        if plan.scheme != (Scheme::Treecode { m2m: false }) {
             for s in 1..multipole.len() {
                 multipole[s] |= multipole[sources.nodes[s].parent as usize];
             }
         }
         let mut local = vec![false; targets.cells.len()];
-        if fmm.scheme == Scheme::Fmm {
+        if plan.scheme == Scheme::Fmm {
             for t in 0..local.len() {
                 local[t] = local[targets.nodes[t].parent as usize]
                     || !lists.m2l.of(t).is_empty()
@@ -90,7 +122,7 @@ impl Uses {
     }
 }
 
-impl<E: Expansion> Fmm<E> {
+impl<E: Expansion> Plan<E> {
     /// Leaves the sums in `workspace.values`, in tree order.
     pub(crate) fn run(&self, charges: &[ChargeOf<E>], workspace: &mut Workspace<E>) {
         workspace.charges.clear();
@@ -194,7 +226,7 @@ impl<E: Expansion> Fmm<E> {
             leaves.push((t as usize, head));
             rest = tail;
         }
-        let far = Far { fmm: self, charges, multipoles };
+        let far = Far { plan: self, charges, multipoles };
         leaves.into_par_iter().for_each(|(t, us)| {
             us.fill(Additive::zero());
             let xs = &self.targets[tree.nodes[t].points()];
@@ -264,27 +296,27 @@ impl<E: Expansion> Fmm<E> {
 
 /// What is needed to bring a source cell's field straight to targets.
 struct Far<'a, E: Expansion> {
-    fmm: &'a Fmm<E>,
+    plan: &'a Plan<E>,
     charges: &'a [ChargeOf<E>],
     multipoles: &'a [Vec<E::MultipoleTerm>],
 }
 
 impl<E: Expansion> Far<'_, E> {
     fn m2p(&self, s: u32, xs: &[TargetOf<E>], us: &mut [ValueOf<E>]) {
-        let (fmm, tree) = (self.fmm, &self.fmm.source_tree);
+        let (plan, tree) = (self.plan, &self.plan.source_tree);
         let cell = &tree.cells[s as usize];
-        let len = fmm.expansion.multipole_len(cell.level());
+        let len = plan.expansion.multipole_len(cell.level());
         let index = s as usize - tree.level(cell.level()).start;
         let multipole = terms(&self.multipoles[cell.level()], index, len);
-        if fmm.expansion.m2p(cell, multipole, xs, us) == Outcome::Declined {
+        if plan.expansion.m2p(cell, multipole, xs, us) == Outcome::Declined {
             self.direct(s, xs, us);
         }
     }
 
     fn direct(&self, s: u32, xs: &[TargetOf<E>], us: &mut [ValueOf<E>]) {
-        let points = self.fmm.source_tree.nodes[s as usize].points();
-        let (ys, qs) = (&self.fmm.sources[points.clone()], &self.charges[points]);
-        self.fmm.expansion.kernel().add_block(xs, ys, qs, us);
+        let points = self.plan.source_tree.nodes[s as usize].points();
+        let (ys, qs) = (&self.plan.sources[points.clone()], &self.charges[points]);
+        self.plan.expansion.kernel().add_block(xs, ys, qs, us);
     }
 }
 

@@ -4,9 +4,9 @@ use num_traits::Float;
 
 use crate::chebyshev::Chebyshev;
 use crate::expansion::Geometry;
-use crate::geometry::{Cube, Point, Vector};
+use crate::geometry::Cube;
 use crate::kernel::PointKernel;
-use crate::real::{Additive, Real, Scalar};
+use crate::real::{Additive, Point, Real, Scalar, Vector};
 
 /// Sample points per cell.
 const SAMPLES: usize = 12;

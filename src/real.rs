@@ -1,12 +1,12 @@
-//! Numbers: the real precisions, the scalars of kernels, and what charges, values and terms can do.
+//! Numbers and points: the real precisions, the scalars of kernels, what charges, values and terms
+//! can do, and things that sit at points.
 
 use std::fmt::Debug;
+use std::ops::{Add, Mul, Neg, Sub};
 
 use glam::{DVec3, Vec3};
 use num_complex::Complex;
 use num_traits::{Float, FloatConst, NumAssign};
-
-use crate::geometry::Vector;
 
 /// A type that can be added and subtracted: charges, values, multipole and local terms.
 pub trait Additive: Copy + Debug + Send + Sync + 'static {
@@ -32,7 +32,7 @@ pub trait Linear<S>: Additive {
 }
 
 /// The number type that a kernel's entries have: a real number or a complex one.
-pub trait Scalar: Linear<Self> + NumAssign + std::ops::Neg<Output = Self> {
+pub trait Scalar: Linear<Self> + NumAssign + Neg<Output = Self> {
     /// The real precision underneath.
     type Real: Real;
     /// The scalar with the given real part and no imaginary part.
@@ -57,6 +57,42 @@ pub trait Real:
     fn from_f64(x: f64) -> Self;
     /// The same value in double precision.
     fn as_f64(self) -> f64;
+}
+
+/// A point in space: [`DVec3`] for `f64`, [`Vec3`] for `f32`.
+pub type Point<T> = <T as Real>::Vector;
+
+/// What the engine needs of glam's vectors, in either precision.
+pub trait Vector<T: Real>:
+    Linear<T>
+    + Default
+    + PartialEq
+    + Located<Real = T>
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Neg<Output = Self>
+    + Mul<T, Output = Self>
+{
+    /// The vector (x, y, z).
+    fn from_array(xyz: [T; 3]) -> Self;
+    /// Its three components.
+    fn to_array(self) -> [T; 3];
+    /// Inner product.
+    fn dot(self, other: Self) -> T;
+    /// Squared Euclidean length.
+    #[inline(always)]
+    fn length_squared(self) -> T {
+        self.dot(self)
+    }
+}
+
+/// Anything that sits at a point. Attributes (normals, areas, ids) travel along with it: the tree
+/// sorts the user's own things, not copies of their coordinates.
+pub trait Located: Clone + Debug + Send + Sync + 'static {
+    /// The precision of the coordinates.
+    type Real: Real;
+    /// Where it is.
+    fn position(&self) -> Point<Self::Real>;
 }
 
 mod sealed {
@@ -155,6 +191,29 @@ macro_rules! real {
             #[inline(always)]
             fn add_scaled(&mut self, scale: $t, other: &Self) {
                 *self += *other * scale;
+            }
+        }
+
+        impl Vector<$t> for $vector {
+            #[inline(always)]
+            fn from_array(xyz: [$t; 3]) -> Self {
+                <$vector>::from_array(xyz)
+            }
+            #[inline(always)]
+            fn to_array(self) -> [$t; 3] {
+                <$vector>::to_array(&self)
+            }
+            #[inline(always)]
+            fn dot(self, other: Self) -> $t {
+                <$vector>::dot(self, other)
+            }
+        }
+
+        impl Located for $vector {
+            type Real = $t;
+            #[inline(always)]
+            fn position(&self) -> Self {
+                *self
             }
         }
     };

@@ -5,8 +5,8 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use crate::error::{Error, PointSet};
-use crate::geometry::{Cell, Cube, Located, MAX_LEVEL, Point, Vector};
-use crate::real::Real;
+use crate::geometry::{Cell, Cube, MAX_LEVEL};
+use crate::real::{Located, Point, Real, Vector};
 
 /// An octree over one set of points.
 ///
