@@ -354,7 +354,7 @@ mod tests {
     #[test]
     fn set_bits_are_visited_across_word_borders() {
         let columns = 50;
-        let set = |i: usize, j: usize| (i * 7 + j * 3) % 5 == 0 || j == 49;
+        let set = |i: usize, j: usize| (i * 7 + j * 3).is_multiple_of(5) || j == 49;
         let mut bits = vec![0u64; 3 * columns / 64 + 1];
         for i in 0..3 {
             for j in (0..columns).filter(|&j| set(i, j)) {
