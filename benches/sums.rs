@@ -35,9 +35,7 @@ fn sums(criterion: &mut Criterion) {
             b.iter(|| fmm.apply(black_box(&charges)).unwrap());
         });
 
-        for (name, scheme) in
-            [("fmm", Scheme::Fmm), ("treecode", Scheme::Treecode { m2m: true })]
-        {
+        for (name, scheme) in [("fmm", Scheme::Fmm), ("treecode", Scheme::Treecode { m2m: true })] {
             let kernel = InverseDistance::<f64>::new();
             let expansion = HarmonicExpansion::with_tolerance(kernel, TOLERANCE).unwrap();
             let fmm = Fmm::with_expansion(expansion).scheme(scheme).build(&points, &points);

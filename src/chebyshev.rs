@@ -1,6 +1,7 @@
-//! Interpolation at Chebyshev nodes of the first kind on [−1, 1]: pure numerics.
+//! Interpolation at Chebyshev nodes of the first kind on [−1, 1] and on tensor grids of them: pure
+//! numerics.
 
-use crate::real::Real;
+use crate::real::{Point, Real, Vector};
 
 /// The nodes x_k = cos((k + ½) π / n) and what is needed to interpolate at them.
 #[derive(Clone, Debug)]
@@ -41,9 +42,10 @@ impl<T: Real> Chebyshev<T> {
         self.nodes.len()
     }
 
-    /// The nodes, from the largest to the smallest.
-    pub(crate) fn nodes(&self) -> &[T] {
-        &self.nodes
+    /// The k-th node of the n × n × n grid in [−1, 1]³; the last axis runs fastest.
+    pub(crate) fn grid_node(&self, k: usize) -> Point<T> {
+        let (n, nodes) = (self.len(), &self.nodes);
+        Point::<T>::from_array([nodes[k / (n * n)], nodes[k / n % n], nodes[k % n]])
     }
 
     /// The matrix that takes values at the nodes to values at the nodes of the lower (0) or upper
@@ -85,6 +87,40 @@ impl<T: Real> Chebyshev<T> {
     }
 }
 
+/// Interpolation weights of all nodes of a cell at one point.
+pub(crate) struct Weights<T> {
+    axes: [Vec<T>; 3],
+}
+
+impl<T: Real> Weights<T> {
+    pub(crate) fn new(n: usize) -> Self {
+        Self { axes: std::array::from_fn(|_| vec![T::from_f64(0.0); n]) }
+    }
+
+    /// Takes the weights at `p`, in normalised coordinates.
+    pub(crate) fn set(&mut self, rule: &Chebyshev<T>, p: Point<T>) {
+        for (weights, x) in self.axes.iter_mut().zip(p.to_array()) {
+            rule.weights(x, weights);
+        }
+    }
+
+    /// Replaces the weights along one axis by their derivatives at `p`.
+    pub(crate) fn differentiate(&mut self, rule: &Chebyshev<T>, axis: usize, p: Point<T>) {
+        rule.derivatives(p.to_array()[axis], &mut self.axes[axis]);
+    }
+
+    /// The products w_i w_j w_k in the order of the nodes.
+    pub(crate) fn products(&self) -> impl Iterator<Item = T> {
+        let [x, y, z] = &self.axes;
+        x.iter().flat_map(move |&wx| {
+            y.iter().flat_map(move |&wy| {
+                let wxy = wx * wy;
+                z.iter().map(move |&wz| wxy * wz)
+            })
+        })
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -102,7 +138,7 @@ mod tests {
     #[test]
     fn polynomials_below_the_order_are_exact() {
         let rule = Chebyshev::<f64>::new(5);
-        let values: Vec<f64> = rule.nodes().iter().map(|&x| quartic(x).0).collect();
+        let values: Vec<f64> = rule.nodes.iter().map(|&x| quartic(x).0).collect();
         let mut weights = [0.0; 5];
         for x in [-1.0, -0.3, 0.0, 0.77, 1.0] {
             rule.weights(x, &mut weights);
@@ -115,10 +151,10 @@ mod tests {
     #[test]
     fn halves_move_values_to_the_nodes_of_the_half() {
         let rule = Chebyshev::<f64>::new(5);
-        let values: Vec<f64> = rule.nodes().iter().map(|&x| quartic(x).0).collect();
+        let values: Vec<f64> = rule.nodes.iter().map(|&x| quartic(x).0).collect();
         for (half, shift) in [(0, -0.5), (1, 0.5)] {
             for (a, row) in rule.half(half).chunks_exact(5).enumerate() {
-                let exact = quartic(0.5 * rule.nodes()[a] + shift).0;
+                let exact = quartic(0.5 * rule.nodes[a] + shift).0;
                 assert_relative_eq!(interpolate(row, &values), exact, epsilon = 1e-14);
             }
         }

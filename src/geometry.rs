@@ -11,7 +11,7 @@ const MIN_SCALE: f64 = (1u64 << (MAX_LEVEL + 8)) as f64;
 /// The root cube of a tree.
 ///
 /// Its edge carries so few significant bits that the centres of all cells, measured from the root's
-/// centre, are exact numbers: far-away origins cost no digits and shifts between cells are exact.
+/// centre, are exact numbers, and so are shifts between cells.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cube<T: Real> {
     centre: Point<T>,
@@ -48,8 +48,10 @@ impl<T: Real> Cube<T> {
     /// are put into the nearest cell.
     pub(crate) fn locate(&self, p: Point<T>) -> [u32; 3] {
         let n = f64::from(1u32 << MAX_LEVEL);
-        (p - self.centre).to_array().map(|d| {
-            let fraction = 0.5 * ((d / self.half_width).as_f64() + 1.0);
+        let (p, centre) = (p.to_array(), self.centre.to_array());
+        std::array::from_fn(|k| {
+            let d = p[k].as_f64() - centre[k].as_f64();
+            let fraction = 0.5 * (d / self.half_width.as_f64() + 1.0);
             (fraction * n).floor().clamp(0.0, n - 1.0) as u32
         })
     }
@@ -58,8 +60,9 @@ impl<T: Real> Cube<T> {
 /// One cell of the octree over a root cube: what expansions are centred on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cell<T: Real> {
-    root_centre: Point<T>,
-    from_root: Point<T>,
+    centre: Point<T>,
+    /// What rounding took from `centre`.
+    centre_low: Point<T>,
     half_width: T,
     level: u32,
     coordinates: [u32; 3],
@@ -74,17 +77,25 @@ impl<T: Real> Cell<T> {
         assert!(level <= MAX_LEVEL, "level {level}: expected at most {MAX_LEVEL}");
         let cells = 1i64 << level;
         let half_width = root.half_width / T::from_f64(cells as f64);
-        let from_root = coordinates.map(|c| {
-            assert!(i64::from(c) < cells, "coordinate {c}: expected less than {cells}");
-            half_width * T::from_f64((2 * i64::from(c) + 1 - cells) as f64)
+        let origin = root.centre.to_array();
+        let exact_sums: [(T, T); 3] = std::array::from_fn(|k| {
+            let c = i64::from(coordinates[k]);
+            assert!(c < cells, "coordinate {c}: expected less than {cells}");
+            let from_root = half_width * T::from_f64((2 * c + 1 - cells) as f64);
+            two_sum(origin[k], from_root)
         });
-        let from_root = Point::<T>::from_array(from_root);
-        Self { root_centre: root.centre, from_root, half_width, level: level as u32, coordinates }
+        Self {
+            centre: Point::<T>::from_array(exact_sums.map(|(sum, _)| sum)),
+            centre_low: Point::<T>::from_array(exact_sums.map(|(_, low)| low)),
+            half_width,
+            level: level as u32,
+            coordinates,
+        }
     }
 
     /// Its centre in scene coordinates.
     pub fn centre(&self) -> Point<T> {
-        self.root_centre + self.from_root
+        self.centre
     }
 
     /// Half its edge.
@@ -103,10 +114,10 @@ impl<T: Real> Cell<T> {
     }
 
     /// `p` measured from the centre in scene units, free of the rounding that a far-away origin
-    /// would bring.
+    /// would bring: for points of the cell the first difference is exact or small.
     #[inline]
     pub fn relative(&self, p: Point<T>) -> Point<T> {
-        (p - self.root_centre) - self.from_root
+        (p - self.centre) - self.centre_low
     }
 
     /// `p` measured from the centre in half-widths: in [−1, 1]³ for points of the cell.
@@ -143,19 +154,32 @@ impl<T: Real> Cell<T> {
     }
 }
 
+/// a + b rounded, and what rounding took from it (Knuth's two-sum).
+fn two_sum<T: Real>(a: T, b: T) -> (T, T) {
+    let sum = a + b;
+    let b_part = sum - a;
+    (sum, (a - (sum - b_part)) + (b - b_part))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use glam::{DVec3, Vec3};
 
     #[test]
-    fn cell_centres_are_exact_in_single_precision() {
+    fn points_are_seen_from_cells_without_rounding() {
         let cube = Cube::<f32>::new(Vec3::new(0.1, -3.7, 1e3), 0.731);
         let n = 1u32 << 19;
         for c in [0, 1, 77_777, n - 1] {
             let cell = Cell::new(&cube, 19, [c; 3]);
-            let exact = f64::from(cube.half_width()) * (f64::from(2 * c + 1) / f64::from(n) - 1.0);
-            assert_eq!(f64::from(cell.from_root.x), exact);
+            let from_root =
+                f64::from(cube.half_width()) * (f64::from(2 * c + 1) / f64::from(n) - 1.0);
+            for (axis, centre) in [0.1f32, -3.7, 1e3].into_iter().enumerate() {
+                let p = (f64::from(centre) + from_root * (1.0 + 1e-4)) as f32;
+                let exact = f64::from(p) - (f64::from(centre) + from_root);
+                let seen = f64::from(cell.relative(Vec3::splat(p))[axis]);
+                assert!((seen - exact).abs() <= 1e-7 * exact.abs(), "{seen} {exact}");
+            }
         }
     }
 

@@ -2,10 +2,12 @@
 
 use std::fmt;
 
-use crate::chebyshev::Chebyshev;
+use num_traits::Float;
+
+use crate::chebyshev::{Chebyshev, Weights};
 use crate::error::Error;
 use crate::expansion::{Expansion, Geometry, Level, OffsetMap};
-use crate::geometry::Cell;
+use crate::geometry::{Cell, Cube};
 use crate::kernel::{Outcome, PointKernel};
 use crate::probe;
 use crate::real::{Additive, Linear, Located, Point, Real, Scalar, Vector};
@@ -14,18 +16,24 @@ use crate::real::{Additive, Linear, Located, Point, Real, Scalar, Vector};
 /// (Fong and Darve, "The black-box fast multipole method", J. Comput. Phys. 228, 2009).
 ///
 /// A multipole term is a column of densities at a node, a local term one of fields. Nothing about the
-/// kernel is declared: whether it is translation invariant, and which order a tolerance needs, is
-/// measured when the plan is built. M2L costs O(n⁶) multiply-adds per pair of cells.
+/// kernel is declared: whether it is translation invariant, whether it is homogeneous, so that one set
+/// of operators serves all levels, and which order a tolerance needs, is measured when the plan is
+/// built. M2L costs O(n⁶) multiply-adds per pair of cells.
 pub struct Interpolation<K: PointKernel> {
     kernel: K,
     accuracy: Accuracy,
     rule: Chebyshev<K::Real>,
     translation_invariant: bool,
-    operators: Vec<LevelOperators<K>>,
+    operators: Operators<K>,
 }
 
-/// M2L matrices of one level, column after column.
-type LevelOperators<K> = OffsetMap<Vec<<K as PointKernel>::Entry>>;
+/// M2L matrices, column after column.
+enum Operators<K: PointKernel> {
+    /// For each level its own.
+    PerLevel(Vec<OffsetMap<Vec<K::Entry>>>),
+    /// Those of cells of half-width `half_width`; a factor s in size is a factor s^degree in value.
+    Homogeneous { half_width: K::Real, degree: f64, matrices: OffsetMap<Vec<K::Entry>> },
+}
 
 /// The largest number of nodes per axis.
 pub const MAX_ORDER: usize = 16;
@@ -44,7 +52,13 @@ impl<K: PointKernel> Interpolation<K> {
     pub fn new(kernel: K) -> Self {
         let rule = Chebyshev::new(1);
         let accuracy = Accuracy::Tolerance(1e-6);
-        Self { kernel, accuracy, rule, translation_invariant: false, operators: Vec::new() }
+        Self {
+            kernel,
+            accuracy,
+            rule,
+            translation_invariant: false,
+            operators: Operators::PerLevel(vec![]),
+        }
     }
 
     /// The relative l2 error to stay below, between 0 and 1. The order is the smallest that meets it
@@ -68,7 +82,11 @@ impl<K: PointKernel> Interpolation<K> {
         self.rule.len().pow(3)
     }
 
-    fn choose_rule(&self, geometry: &Geometry<K::Real>) -> Result<Chebyshev<K::Real>, Error> {
+    fn choose_rule(
+        &self,
+        root: &Cube<K::Real>,
+        levels: &[Level<K::Real>],
+    ) -> Result<Chebyshev<K::Real>, Error> {
         match self.accuracy {
             Accuracy::Order(found) if found == 0 || found > MAX_ORDER => {
                 Err(Error::InvalidOrder { min: 1, max: MAX_ORDER, found })
@@ -81,7 +99,7 @@ impl<K: PointKernel> Interpolation<K> {
                 let mut reachable = f64::INFINITY;
                 for n in 1..=MAX_ORDER {
                     let rule = Chebyshev::new(n);
-                    let error = probe::interpolation_error(&self.kernel, &rule, geometry);
+                    let error = probe::interpolation_error(&self.kernel, &rule, root, levels);
                     if error <= requested {
                         return Ok(rule);
                     }
@@ -92,23 +110,54 @@ impl<K: PointKernel> Interpolation<K> {
         }
     }
 
-    /// The matrices that `level` needs, as long as they fit into the memory that is left.
-    fn level_operators(&self, level: &Level<K::Real>, bytes_left: &mut usize) -> LevelOperators<K> {
-        let entries = self.nodes().pow(2) * K::FIELDS * K::DENSITIES;
-        let bytes = entries * size_of::<K::Entry>();
-        let count = level.offsets.len().min(*bytes_left / bytes);
-        *bytes_left -= count * bytes;
-        let origin = Point::<K::Real>::default();
-        OffsetMap::build(&level.offsets[..count], |offset| {
-            let two = K::Real::from_f64(2.0);
-            let step = offset.map(|o| K::Real::from_f64(f64::from(o)) * two * level.half_width);
-            let step = Point::<K::Real>::from_array(step);
-            let mut matrix = Vec::with_capacity(entries);
-            self.for_each_column(level.half_width, step, origin, |column| {
-                matrix.extend_from_slice(column);
-            });
-            matrix
-        })
+    fn build_operators(&self, geometry: &Geometry<K::Real>, degree: Option<f64>) -> Operators<K> {
+        let mut bytes_left = if self.translation_invariant { OPERATOR_BYTES } else { 0 };
+        let mut matrices = |half_width, offsets: &[[i32; 3]]| {
+            let entries = self.nodes().pow(2) * K::FIELDS * K::DENSITIES;
+            let bytes = entries * size_of::<K::Entry>();
+            let count = offsets.len().min(bytes_left / bytes);
+            bytes_left -= count * bytes;
+            OffsetMap::build(&offsets[..count], |offset| self.matrix(half_width, offset, entries))
+        };
+        if let (Some(degree), Some(level)) = (degree, geometry.levels.first()) {
+            let half_width = level.half_width;
+            let matrices = matrices(half_width, &geometry.all_offsets());
+            return Operators::Homogeneous { half_width, degree, matrices };
+        }
+        let mut levels = Vec::new();
+        for level in &geometry.levels {
+            levels.resize_with(level.level, OffsetMap::default);
+            levels.push(matrices(level.half_width, &level.offsets));
+        }
+        Operators::PerLevel(levels)
+    }
+
+    /// The M2L matrix between cells of the given half-width.
+    fn matrix(&self, half_width: K::Real, offset: [i32; 3], entries: usize) -> Vec<K::Entry> {
+        let two = K::Real::from_f64(2.0);
+        let step = offset.map(|o| K::Real::from_f64(f64::from(o)) * two * half_width);
+        let (target, source) = (Point::<K::Real>::from_array(step), Point::<K::Real>::default());
+        let mut matrix = Vec::with_capacity(entries);
+        self.for_each_column(half_width, target, source, |column| matrix.extend_from_slice(column));
+        matrix
+    }
+
+    /// The prepared matrix between two cells, if there is one, and the factor it is to be taken by.
+    fn operator(
+        &self,
+        source: &Cell<K::Real>,
+        target: &Cell<K::Real>,
+    ) -> Option<(&[K::Entry], K::Real)> {
+        let offset = source.offset_to(target);
+        match &self.operators {
+            Operators::PerLevel(levels) => {
+                Some((levels.get(source.level())?.get(offset)?, K::Real::from_f64(1.0)))
+            }
+            Operators::Homogeneous { half_width, degree, matrices } => {
+                let scale = (source.half_width() / *half_width).powf(K::Real::from_f64(*degree));
+                Some((matrices.get(offset)?, scale))
+            }
+        }
     }
 
     /// Visits the columns of the matrix that takes densities at the nodes about `source` to fields at
@@ -124,9 +173,9 @@ impl<K: PointKernel> Interpolation<K> {
         let mut columns = vec![<K::Entry as Additive>::zero(); rows * K::DENSITIES];
         let mut g = vec![<K::Entry as Additive>::zero(); K::FIELDS * K::DENSITIES];
         for b in 0..self.nodes() {
-            let y = source + self.node(b, half_width);
+            let y = source + self.rule.grid_node(b) * half_width;
             for a in 0..self.nodes() {
-                self.kernel.entries(target + self.node(a, half_width), y, &mut g);
+                self.kernel.entries(target + self.rule.grid_node(a) * half_width, y, &mut g);
                 for (k, &entry) in g.iter().enumerate() {
                     let (field, density) = (k / K::DENSITIES, k % K::DENSITIES);
                     columns[density * rows + a * K::FIELDS + field] = entry;
@@ -134,13 +183,6 @@ impl<K: PointKernel> Interpolation<K> {
             }
             columns.chunks_exact(rows).for_each(&mut visit);
         }
-    }
-
-    /// The k-th node, measured from the cell's centre.
-    fn node(&self, k: usize, half_width: K::Real) -> Point<K::Real> {
-        let (n, nodes) = (self.rule.len(), self.rule.nodes());
-        let node = [nodes[k / (n * n)], nodes[k / n % n], nodes[k % n]];
-        Point::<K::Real>::from_array(node) * half_width
     }
 
     /// Where the kernel sees the cell's centre and the point `p`. A translation-invariant kernel sees
@@ -218,17 +260,16 @@ impl<K: PointKernel> Expansion for Interpolation<K> {
     }
 
     fn prepare(&mut self, geometry: &Geometry<K::Real>) -> Result<(), Error> {
-        self.rule = self.choose_rule(geometry)?;
-        self.translation_invariant = probe::translation_invariant(&self.kernel, &geometry.root);
-        self.operators.clear();
-        if self.translation_invariant {
-            let mut bytes_left = OPERATOR_BYTES;
-            for level in &geometry.levels {
-                let operators = self.level_operators(level, &mut bytes_left);
-                self.operators.resize_with(level.level, OffsetMap::default);
-                self.operators.push(operators);
-            }
-        }
+        let Geometry { root, levels } = geometry;
+        self.translation_invariant = probe::translation_invariant(&self.kernel, root);
+        let degree = match self.translation_invariant {
+            true => probe::homogeneity(&self.kernel, root),
+            false => None,
+        };
+        // Relative errors of a homogeneous kernel are the same at every level.
+        let probed = if degree.is_some() { levels.len().min(1) } else { levels.len() };
+        self.rule = self.choose_rule(root, &levels[..probed])?;
+        self.operators = self.build_operators(geometry, degree);
         Ok(())
     }
 
@@ -284,10 +325,12 @@ impl<K: PointKernel> Expansion for Interpolation<K> {
                 term.add_scaled(g, density);
             }
         };
-        let operators = self.operators.get(source.level());
-        if let Some(matrix) = operators.and_then(|map| map.get(source.offset_to(target))) {
+        if let Some((matrix, scale)) = self.operator(source, target) {
+            let scale = K::Entry::from_real(scale);
             for (column, density) in matrix.chunks_exact(to.len()).zip(from) {
-                add(column, density, to);
+                let mut scaled = K::Column::zero();
+                scaled.add_scaled(scale, density);
+                add(column, &scaled, to);
             }
         } else {
             let (y, x) = self.seen(source, target.centre());
@@ -365,7 +408,7 @@ impl<K: PointKernel> Expansion for Interpolation<K> {
             fields.fill(K::Column::zero());
             gradients.fill([K::Column::zero(); 3]);
             for (b, densities) in multipole.chunks_exact(K::DENSITIES).enumerate() {
-                let node = centre + self.node(b, cell.half_width());
+                let node = centre + self.rule.grid_node(b) * cell.half_width();
                 self.kernel.entries(position, node, &mut g);
                 if K::GRADIENT
                     && self.kernel.entry_gradients(position, node, &mut dg) == Outcome::Declined
@@ -400,7 +443,7 @@ impl<K: PointKernel> Expansion for Interpolation<K> {
             self.kernel.density(y, q, &mut density);
             let (centre, position) = self.seen(cell, Located::position(y));
             for (a, terms) in local.chunks_exact_mut(K::FIELDS).enumerate() {
-                let node = centre + self.node(a, cell.half_width());
+                let node = centre + self.rule.grid_node(a) * cell.half_width();
                 self.kernel.entries(node, position, &mut g);
                 for (k, &entry) in g.iter().enumerate() {
                     terms[k / K::DENSITIES].add_scaled(entry, &density[k % K::DENSITIES]);
@@ -418,39 +461,5 @@ impl<K: PointKernel> fmt::Debug for Interpolation<K> {
             .field("nodes_per_axis", &self.rule.len())
             .field("translation_invariant", &self.translation_invariant)
             .finish_non_exhaustive()
-    }
-}
-
-/// Interpolation weights of all nodes of a cell at one point.
-struct Weights<T> {
-    axes: [Vec<T>; 3],
-}
-
-impl<T: Real> Weights<T> {
-    fn new(n: usize) -> Self {
-        Self { axes: std::array::from_fn(|_| vec![T::from_f64(0.0); n]) }
-    }
-
-    /// Takes the weights at `p`, in normalised coordinates.
-    fn set(&mut self, rule: &Chebyshev<T>, p: Point<T>) {
-        for (weights, x) in self.axes.iter_mut().zip(p.to_array()) {
-            rule.weights(x, weights);
-        }
-    }
-
-    /// Replaces the weights along one axis by their derivatives at `p`.
-    fn differentiate(&mut self, rule: &Chebyshev<T>, axis: usize, p: Point<T>) {
-        rule.derivatives(p.to_array()[axis], &mut self.axes[axis]);
-    }
-
-    /// The products w_i w_j w_k in the order of the nodes.
-    fn products(&self) -> impl Iterator<Item = T> {
-        let [x, y, z] = &self.axes;
-        x.iter().flat_map(move |&wx| {
-            y.iter().flat_map(move |&wy| {
-                let wxy = wx * wy;
-                z.iter().map(move |&wz| wxy * wz)
-            })
-        })
     }
 }

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use crate::kernel::Kernel;
 use crate::mask::{CellView, Coverage, Mask};
-use crate::real::Located;
+use crate::real::{Located, Real};
 use crate::tree::Tree;
 
 /// The four lists, each grouped by target cell.
@@ -260,9 +260,7 @@ fn runs<K: Kernel>(
     near: &[(u32, NearCell)],
     progress: &(dyn Fn(f64) + Sync),
 ) -> (Vec<(u32, Run)>, Vec<u64>) {
-    let mut sorted = near.to_vec();
-    sorted
-        .par_sort_by_key(|&(t, near)| (t, sources.tree.nodes[near.source as usize].points().start));
+    let sorted = in_order_of_sources(near, sources.tree);
 
     let partial = sorted.iter().filter(|(_, near)| !near.full).count();
     let done = std::sync::atomic::AtomicUsize::new(0);
@@ -272,7 +270,7 @@ fn runs<K: Kernel>(
             if near.full {
                 return Block::Full;
             }
-            let block = ask(mask, targets.view(t).points, sources.view(near.source).points);
+            let block = ask(mask, targets.view(t), sources.view(near.source));
             let done = done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1;
             if done.is_multiple_of(PROGRESS_STEP) || done == partial {
                 progress(done as f64 / partial as f64);
@@ -308,6 +306,13 @@ fn runs<K: Kernel>(
     (runs, bits)
 }
 
+/// Near pairs by target cell, then by source.
+fn in_order_of_sources<T: Real>(near: &[(u32, NearCell)], tree: &Tree<T>) -> Vec<(u32, NearCell)> {
+    let mut sorted = near.to_vec();
+    sorted.par_sort_by_key(|&(t, near)| (t, tree.nodes[near.source as usize].points().start));
+    sorted
+}
+
 /// Leaf pairs between two calls of a progress callback.
 const PROGRESS_STEP: usize = 64;
 
@@ -318,23 +323,21 @@ enum Block {
     Partial(Vec<u64>),
 }
 
-fn ask<K: Kernel>(mask: &impl Mask<K>, xs: &[K::Target], ys: &[K::Source]) -> Block {
-    let pairs = xs.len() * ys.len();
+fn ask<K: Kernel>(
+    mask: &impl Mask<K>,
+    targets: CellView<'_, K::Target>,
+    sources: CellView<'_, K::Source>,
+) -> Block {
+    let columns = sources.points.len();
+    let pairs = targets.points.len() * columns;
     let mut words = vec![0u64; pairs.div_ceil(64)];
-    let mut bit = 0;
-    let mut set = 0;
-    for x in xs {
-        for y in ys {
-            if mask.pair(x, y) {
-                words[bit / 64] |= 1 << (bit % 64);
-                set += 1;
-            }
-            bit += 1;
-        }
-    }
-    match set {
+    mask.pairs(targets, sources, &mut |i, j| {
+        let bit = i * columns + j;
+        words[bit / 64] |= 1 << (bit % 64);
+    });
+    match words.iter().map(|word| word.count_ones() as usize).sum() {
         0 => Block::Empty,
-        _ if set == pairs => Block::Full,
+        set if set == pairs => Block::Full,
         _ => Block::Partial(words),
     }
 }

@@ -48,6 +48,24 @@ pub trait Mask<K: Kernel>: Sync {
 
     /// Whether the pair (x, y) counts. Must agree with [`cells`](Self::cells).
     fn pair(&self, x: &K::Target, y: &K::Source) -> bool;
+
+    /// Calls `count(i, j)` for every pair of the i-th target and the j-th source that counts, once.
+    /// Override it to share work among the pairs of two cells; the answers must be those of
+    /// [`pair`](Self::pair).
+    fn pairs(
+        &self,
+        targets: CellView<'_, K::Target>,
+        sources: CellView<'_, K::Source>,
+        count: &mut dyn FnMut(usize, usize),
+    ) {
+        for (i, x) in targets.points.iter().enumerate() {
+            for (j, y) in sources.points.iter().enumerate() {
+                if self.pair(x, y) {
+                    count(i, j);
+                }
+            }
+        }
+    }
 }
 
 /// The mask that lets every pair count.
@@ -100,5 +118,14 @@ impl<K: Kernel, M: Mask<K>> Mask<K> for &M {
 
     fn pair(&self, x: &K::Target, y: &K::Source) -> bool {
         (**self).pair(x, y)
+    }
+
+    fn pairs(
+        &self,
+        targets: CellView<'_, K::Target>,
+        sources: CellView<'_, K::Source>,
+        count: &mut dyn FnMut(usize, usize),
+    ) {
+        (**self).pairs(targets, sources, count);
     }
 }

@@ -1,6 +1,10 @@
 //! Integration tests: everything is held against direct summation, target by target.
 
 mod clouds;
+mod command_line;
 mod engine;
 mod extension;
+mod kernels;
 mod lists;
+mod radiosity;
+mod translation_theorems;

@@ -1,0 +1,129 @@
+//! Results to files that appear complete or not at all.
+
+use std::ffi::OsStr;
+use std::fmt::LowerExp;
+use std::fs::{self, File};
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use farfield::Real;
+use ndarray::{ArrayView1, ArrayView2};
+use ndarray_npy::{WritableElement, WriteNpyExt};
+
+/// A file that could not be written.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: {problem}", path.display())]
+pub(crate) struct WriteError {
+    path: PathBuf,
+    problem: Problem,
+}
+
+#[derive(Debug, thiserror::Error)]
+enum Problem {
+    #[error("unknown file type: expected .npy or .csv")]
+    Extension,
+    #[error("no such folder: expected one that exists")]
+    Folder,
+    #[error("{0}")]
+    Io(#[from] io::Error),
+}
+
+impl Problem {
+    fn at(self, path: &Path) -> WriteError {
+        WriteError { path: path.to_owned(), problem: self }
+    }
+}
+
+/// A number that can be written in every format.
+pub(crate) trait Number: Real + WritableElement + LowerExp {}
+
+impl Number for f32 {}
+impl Number for f64 {}
+
+/// Refuses, before anything is computed, a file of values that could not be written after it.
+pub(crate) fn check_values_path(path: &Path) -> Result<(), WriteError> {
+    match format(path) {
+        Some(_) => check_folder(path),
+        None => Err(Problem::Extension.at(path)),
+    }
+}
+
+/// Refuses, before anything is computed, a file in a folder that does not exist.
+pub(crate) fn check_folder(path: &Path) -> Result<(), WriteError> {
+    match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() && !folder.is_dir() => {
+            Err(Problem::Folder.at(path))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Writes rows of `columns` values: potentials alone (1), or potentials and gradients (4).
+pub(crate) fn values<T: Number>(
+    path: &Path,
+    values: &[T],
+    columns: usize,
+) -> Result<(), WriteError> {
+    match format(path) {
+        Some(Format::Npy) => whole_file(path, |file| npy(file, values, columns)),
+        Some(Format::Csv) => whole_file(path, |file| csv(file, values, columns)),
+        None => Err(Problem::Extension.at(path)),
+    }
+}
+
+/// Writes to a temporary name in the same folder and renames it once everything is on disk.
+pub(crate) fn whole_file(
+    path: &Path,
+    write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
+) -> Result<(), WriteError> {
+    let mut name = OsStr::new(".").to_owned();
+    name.push(path.file_name().unwrap_or_default());
+    name.push(format!(".{}", std::process::id()));
+    let temporary = path.with_file_name(name);
+    let finish = || {
+        let mut file = BufWriter::new(File::create(&temporary)?);
+        write(&mut file)?;
+        file.into_inner()?.sync_all()?;
+        fs::rename(&temporary, path)
+    };
+    finish().map_err(|error| {
+        // Best effort: the error that is reported is the one that came first.
+        let _ = fs::remove_file(&temporary);
+        Problem::Io(error).at(path)
+    })
+}
+
+enum Format {
+    Npy,
+    Csv,
+}
+
+fn format(path: &Path) -> Option<Format> {
+    match path.extension().and_then(OsStr::to_str) {
+        Some("npy") => Some(Format::Npy),
+        Some("csv") => Some(Format::Csv),
+        _ => None,
+    }
+}
+
+fn npy<T: Number>(file: &mut BufWriter<File>, values: &[T], columns: usize) -> io::Result<()> {
+    if columns == 1 {
+        ArrayView1::from(values).write_npy(file).map_err(io::Error::other)
+    } else {
+        ArrayView2::from_shape((values.len() / columns, columns), values)
+            .map_err(io::Error::other)?
+            .write_npy(file)
+            .map_err(io::Error::other)
+    }
+}
+
+fn csv<T: Number>(file: &mut BufWriter<File>, values: &[T], columns: usize) -> io::Result<()> {
+    let header = ["potential", "gradient_x", "gradient_y", "gradient_z"];
+    writeln!(file, "{}", header[..columns].join(","))?;
+    for row in values.chunks(columns) {
+        // The shortest decimals that give the same bits when read back.
+        let cells: Vec<_> = row.iter().map(|value| format!("{value:e}")).collect();
+        writeln!(file, "{}", cells.join(","))?;
+    }
+    Ok(())
+}

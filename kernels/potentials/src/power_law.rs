@@ -1,0 +1,321 @@
+//! The kernels |x − y|^(−2λ), as potentials or with their gradients.
+
+use std::fmt;
+use std::marker::PhantomData;
+
+use farfield::{Additive, Kernel, Linear, Outcome, Point, PointKernel, Real, Vector};
+
+use crate::exponent::{Exponent, MinusFour, MinusOne, MinusTwo, PlusTwo};
+use crate::output::{Output, Potential, WithGradient};
+
+/// The potential 1/r of charges and masses, 0 at r = 0.
+pub type InverseDistance<T, C = T, O = Potential> = PowerLaw<MinusOne, T, C, O>;
+/// 1/r², 0 at r = 0.
+pub type InverseSquare<T, C = T, O = Potential> = PowerLaw<MinusTwo, T, C, O>;
+/// 1/r⁴, 0 at r = 0: the radial factor of diffuse exchange.
+pub type InverseFourth<T, C = T, O = Potential> = PowerLaw<MinusFour, T, C, O>;
+/// r²: the smooth power law, whose expansion is finite and exact.
+pub type SquaredDistance<T, C = T, O = Potential> = PowerLaw<PlusTwo, T, C, O>;
+
+/// The kernel K(x, y) = |x − y|^(−2λ) between bare points, 0 at coincident points.
+///
+/// `C` is the charge: a number, or several right-hand sides. `O` says what a target receives:
+/// [`Potential`] the sum, [`WithGradient`] its gradient ∇_x too. A result overflows only where
+/// the exact one does, however small or large |x − y|.
+///
+/// ```
+/// use farfield_potentials::InverseDistance;
+/// use glam::DVec3;
+/// let kernel = InverseDistance::<f64>::new().with_gradient();
+/// let u = farfield::direct(&kernel, &[DVec3::ZERO], &[3.0], &[DVec3::X * 2.0]);
+/// assert_eq!((u[0].potential, u[0].gradient), (1.5, [-0.75, 0.0, 0.0]));
+/// ```
+pub struct PowerLaw<E, T, C = T, O = Potential> {
+    types: PhantomData<(E, T, C, O)>,
+}
+
+impl<E, T> PowerLaw<E, T> {
+    /// The potential for charges of type `T`.
+    pub fn new() -> Self {
+        Self { types: PhantomData }
+    }
+}
+
+impl<E, T, C, O> PowerLaw<E, T, C, O> {
+    /// The same kernel for charges of another type, such as `[f64; 3]` for three right-hand sides.
+    pub fn columns<D>(self) -> PowerLaw<E, T, D, O> {
+        PowerLaw { types: PhantomData }
+    }
+
+    /// The same kernel with the potential's gradient as part of the value.
+    pub fn with_gradient(self) -> PowerLaw<E, T, C, WithGradient> {
+        PowerLaw { types: PhantomData }
+    }
+}
+
+impl<E, T, C, O> Clone for PowerLaw<E, T, C, O> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<E, T, C, O> Copy for PowerLaw<E, T, C, O> {}
+
+impl<E, T, C, O> Default for PowerLaw<E, T, C, O> {
+    fn default() -> Self {
+        Self { types: PhantomData }
+    }
+}
+
+impl<E: Exponent, T, C, O> fmt::Debug for PowerLaw<E, T, C, O> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("PowerLaw").field("lambda", &E::LAMBDA).finish()
+    }
+}
+
+impl<E: Exponent, T: Real, C: Linear<T>, O: Output<T, C>> Kernel for PowerLaw<E, T, C, O> {
+    type Real = T;
+    type Source = Point<T>;
+    type Target = Point<T>;
+    type Charge = C;
+    type Value = O::Value;
+
+    #[inline]
+    fn add(&self, x: &Point<T>, y: &Point<T>, q: &C, u: &mut O::Value) {
+        let (k, gradient) = evaluate::<E, T>(*x, *y);
+        O::add(u, &scaled(k, q), &gradient.map(|component| scaled(component, q)));
+    }
+
+    fn add_block(&self, xs: &[Point<T>], ys: &[Point<T>], qs: &[C], us: &mut [O::Value]) {
+        for (xs, us) in xs.chunks(LANES).zip(us.chunks_mut(LANES)) {
+            // The last lanes of a short chunk repeat its last target.
+            let points: [Point<T>; LANES] = std::array::from_fn(|i| xs[i.min(xs.len() - 1)]);
+            let [x, y, z] = [0, 1, 2].map(|c| points.map(|p| p.to_array()[c]));
+            let mut lanes = Lanes::zero();
+            let mut extreme = false;
+            for (&source, q) in ys.iter().zip(qs) {
+                let [a, b, c] = source.to_array();
+                for i in 0..LANES {
+                    let d = [x[i] - a, y[i] - b, z[i] - c];
+                    let r2 = squared(d);
+                    let ordinary = is_ordinary(r2);
+                    let zero = T::from_f64(0.0);
+                    extreme |= !ordinary && d != [zero; 3];
+                    let (k, gradient) = from_squared::<E, T>(d, r2);
+                    let k = if ordinary { k } else { zero };
+                    let gradient = gradient.map(|g| if ordinary { g } else { zero });
+                    lanes.add::<T, O>(i, k, gradient, q);
+                }
+            }
+            if extreme {
+                for (&source, q) in ys.iter().zip(qs) {
+                    for (i, &target) in xs.iter().enumerate() {
+                        if !is_ordinary((target - source).length_squared()) {
+                            let (k, gradient) = evaluate::<E, T>(target, source);
+                            lanes.add::<T, O>(i, k, gradient, q);
+                        }
+                    }
+                }
+            }
+            for (i, u) in us.iter_mut().enumerate() {
+                O::add(u, &lanes.potential[i], &lanes.gradient.map(|component| component[i]));
+            }
+        }
+    }
+}
+
+impl<E: Exponent, T: Real, C: Linear<T>, O: Output<T, C>> PointKernel for PowerLaw<E, T, C, O> {
+    type Entry = T;
+    type Column = C;
+    const DENSITIES: usize = 1;
+    const FIELDS: usize = 1;
+    const GRADIENT: bool = O::GRADIENT;
+
+    fn entries(&self, x: Point<T>, y: Point<T>, g: &mut [T]) {
+        g[0] = evaluate::<E, T>(x, y).0;
+    }
+
+    fn entry_gradients(&self, x: Point<T>, y: Point<T>, g: &mut [[T; 3]]) -> Outcome {
+        g[0] = evaluate::<E, T>(x, y).1;
+        Outcome::Done
+    }
+
+    fn density(&self, _y: &Point<T>, q: &C, d: &mut [C]) {
+        d[0] = *q;
+    }
+
+    fn value(&self, _x: &Point<T>, fields: &[C], gradients: &[[C; 3]], u: &mut O::Value) {
+        let none = [C::zero(); 3];
+        O::add(u, &fields[0], gradients.first().unwrap_or(&none));
+    }
+}
+
+/// K(x, y) and ∂K/∂x = −2λ K d/r², d = x − y; both 0 at r = 0.
+#[inline]
+fn evaluate<E: Exponent, T: Real>(x: Point<T>, y: Point<T>) -> (T, [T; 3]) {
+    let d = (x - y).to_array();
+    let r2 = squared(d);
+    if is_ordinary(r2) { from_squared::<E, T>(d, r2) } else { evaluate_extreme::<E, T>(d) }
+}
+
+/// [`evaluate`] where r² over- or underflows: with d in units of its largest component s.
+#[cold]
+fn evaluate_extreme<E: Exponent, T: Real>(d: [T; 3]) -> (T, [T; 3]) {
+    let zero = T::from_f64(0.0);
+    if d == [zero; 3] {
+        return (zero, d);
+    }
+    let s = d.iter().fold(zero, |s, component| s.max(component.abs()));
+    let unit = d.map(|component| component / s);
+    let (k, gradient) = from_squared::<E, T>(unit, squared(unit));
+    let scale = s.powf(T::from_f64(-2.0 * E::LAMBDA));
+    (k * scale, gradient.map(|component| component * scale / s))
+}
+
+#[inline(always)]
+fn from_squared<E: Exponent, T: Real>(d: [T; 3], r2: T) -> (T, [T; 3]) {
+    let k = E::power(r2);
+    let (slope, inverse) = (T::from_f64(-2.0 * E::LAMBDA) * k, r2.recip());
+    (k, d.map(|component| slope * (component * inverse)))
+}
+
+#[inline(always)]
+fn squared<T: Real>([x, y, z]: [T; 3]) -> T {
+    x * x + y * y + z * z
+}
+
+/// Whether r² is accurate: finite, and so large that no square that matters in it was subnormal.
+#[inline(always)]
+fn is_ordinary<T: Real>(r2: T) -> bool {
+    r2 >= T::min_positive_value() / T::epsilon() && r2 < T::infinity()
+}
+
+#[inline(always)]
+fn scaled<T: Real, C: Linear<T>>(scale: T, q: &C) -> C {
+    let mut product = C::zero();
+    product.add_scaled(scale, q);
+    product
+}
+
+/// Targets that are summed side by side.
+const LANES: usize = 8;
+
+/// Partial sums of [`LANES`] targets, one array per component so that they fill SIMD registers.
+struct Lanes<C> {
+    potential: [C; LANES],
+    gradient: [[C; LANES]; 3],
+}
+
+impl<C: Additive> Lanes<C> {
+    #[inline(always)]
+    fn zero() -> Self {
+        Self { potential: Additive::zero(), gradient: Additive::zero() }
+    }
+
+    #[inline(always)]
+    fn add<T: Real, O: Output<T, C>>(&mut self, i: usize, k: T, gradient: [T; 3], q: &C)
+    where
+        C: Linear<T>,
+    {
+        self.potential[i].add_scaled(k, q);
+        if O::GRADIENT {
+            for (sum, component) in self.gradient.iter_mut().zip(gradient) {
+                sum[i].add_scaled(component, q);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+    use farfield::{direct, relative_l2_error};
+    use glam::{DVec3, Vec3};
+
+    fn points(n: usize, seed: f64) -> Vec<DVec3> {
+        let fraction = |x: f64| (x.sin() * 43_758.545_3).fract();
+        (0..n)
+            .map(|i| seed + 3.0 * i as f64)
+            .map(|t| DVec3::new(fraction(t), fraction(t + 1.0), fraction(t + 2.0)))
+            .collect()
+    }
+
+    #[test]
+    fn values_of_all_four() {
+        let (x, y, q) = ([DVec3::new(1.0, 2.0, 4.0)], [DVec3::new(-1.0, 1.0, 2.0)], [2.0]);
+        // r = 3
+        assert_relative_eq!(direct(&InverseDistance::<f64>::new(), &y, &q, &x)[0], 2.0 / 3.0);
+        assert_relative_eq!(direct(&InverseSquare::<f64>::new(), &y, &q, &x)[0], 2.0 / 9.0);
+        assert_relative_eq!(direct(&InverseFourth::<f64>::new(), &y, &q, &x)[0], 2.0 / 81.0);
+        assert_relative_eq!(direct(&SquaredDistance::<f64>::new(), &y, &q, &x)[0], 18.0);
+    }
+
+    #[test]
+    fn gradients_agree_with_differences() {
+        fn check<E: Exponent>() {
+            let (x, y) = (DVec3::new(0.3, -0.2, 0.9), DVec3::new(-0.5, 0.4, 0.1));
+            let (_, gradient) = evaluate::<E, f64>(x, y);
+            for (component, axis) in gradient.into_iter().zip(DVec3::AXES) {
+                let h = axis * 1e-5;
+                let difference =
+                    (evaluate::<E, f64>(x + h, y).0 - evaluate::<E, f64>(x - h, y).0) / 2e-5;
+                assert_relative_eq!(component, difference, max_relative = 1e-8);
+            }
+        }
+        check::<MinusOne>();
+        check::<MinusTwo>();
+        check::<MinusFour>();
+        check::<PlusTwo>();
+    }
+
+    #[test]
+    fn blocks_agree_with_pairs() {
+        fn check<E: Exponent>() {
+            let (mut xs, ys) = (points(19, 0.0), points(23, 0.5));
+            xs[3] = ys[7];
+            xs[18] = ys[0] + DVec3::X * 1e-160;
+            let qs: Vec<_> = points(23, 0.7).into_iter().map(|p| p.to_array()).collect();
+            let kernel = PowerLaw::<E, f64>::new().columns::<[f64; 3]>().with_gradient();
+            let mut block = vec![Additive::zero(); xs.len()];
+            kernel.add_block(&xs, &ys, &qs, &mut block);
+            let mut pairs = vec![Additive::zero(); xs.len()];
+            for (x, u) in xs.iter().zip(&mut pairs) {
+                for (y, q) in ys.iter().zip(&qs) {
+                    kernel.add(x, y, q, u);
+                }
+            }
+            assert!(relative_l2_error(&block, &pairs) < 1e-15);
+            assert!(block.iter().zip(&pairs).all(|(a, b)| relative_l2_error(&[*a], &[*b]) < 1e-14));
+        }
+        check::<MinusOne>();
+        check::<MinusTwo>();
+        check::<PlusTwo>();
+    }
+
+    #[test]
+    fn coincident_points_contribute_nothing() {
+        let at = [DVec3::ONE];
+        let kernel = InverseFourth::<f64>::new().with_gradient();
+        assert_eq!(direct(&kernel, &at, &[1.0], &at)[0], Default::default());
+        let mut entry = [1.0];
+        InverseDistance::<f64>::new().entries(at[0], at[0], &mut entry);
+        assert_eq!(entry, [0.0]);
+    }
+
+    #[test]
+    fn extreme_distances_keep_their_digits() {
+        for r in [1e-300, 1e-200, 1e-155, 1e155, 1e300] {
+            let x = [DVec3::new(0.6, 0.0, -0.8) * r];
+            let u = direct(&InverseDistance::<f64>::new(), &[DVec3::ZERO], &[1.0], &x)[0];
+            assert_relative_eq!(u, 1.0 / r, max_relative = 1e-14);
+        }
+        let x = [Vec3::new(0.0, 1e-9, 0.0)];
+        let u = direct(&InverseFourth::<f32>::new(), &[Vec3::ZERO], &[1e-3], &x)[0];
+        assert_relative_eq!(u, 1e33, max_relative = 1e-5);
+        let kernel = InverseDistance::<f32>::new().with_gradient();
+        let x = [Vec3::new(0.0, 0.0, 1e-18)];
+        let u = direct(&kernel, &[Vec3::ZERO], &[1.0], &x)[0];
+        assert_relative_eq!(u.gradient[2], -1e36, max_relative = 1e-5);
+    }
+}

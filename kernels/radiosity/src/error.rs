@@ -1,0 +1,116 @@
+//! What went wrong, with which input, and what was expected instead.
+
+use std::convert::Infallible;
+
+/// Every way in which this crate refuses an input or gives up on a solution.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A surfel's position has a coordinate that is NaN or infinite.
+    #[error("surfel {index} is at {position:?}: expected finite coordinates")]
+    InvalidPosition {
+        /// Index of the surfel.
+        index: usize,
+        /// Its position.
+        position: [f64; 3],
+    },
+    /// A surfel's normal isn't a finite unit vector.
+    #[error("surfel {index} has the normal {normal:?}: expected a unit vector")]
+    InvalidNormal {
+        /// Index of the surfel.
+        index: usize,
+        /// Its normal.
+        normal: [f64; 3],
+    },
+    /// A surfel's area isn't positive and finite.
+    #[error("surfel {index} has the area {area}: expected a positive finite number")]
+    InvalidArea {
+        /// Index of the surfel.
+        index: usize,
+        /// Its area.
+        area: f64,
+    },
+    /// A reflectance outside the half-open interval [0, 1).
+    #[error(
+        "surfel {index} has the reflectance {found} in band {band}: expected 0 or more, and less than 1"
+    )]
+    InvalidReflectance {
+        /// Index of the surfel.
+        index: usize,
+        /// Index of the band.
+        band: usize,
+        /// The reflectance.
+        found: f64,
+    },
+    /// An emission that is negative, NaN or infinite.
+    #[error(
+        "surfel {index} has the emission {found} in band {band}: expected a finite number, 0 or more"
+    )]
+    InvalidEmission {
+        /// Index of the surfel.
+        index: usize,
+        /// Index of the band.
+        band: usize,
+        /// The emission.
+        found: f64,
+    },
+    /// A vertex of an occluder has a coordinate that is NaN or infinite.
+    #[error("vertex {vertex} of triangle {index} is at {position:?}: expected finite coordinates")]
+    InvalidVertex {
+        /// Index of the triangle.
+        index: usize,
+        /// Which of its vertices: 0, 1 or 2.
+        vertex: usize,
+        /// Its position.
+        position: [f64; 3],
+    },
+    /// More occluder triangles than 32-bit indices can number.
+    #[error("{found} triangles: expected fewer than 4294967296")]
+    TooManyTriangles {
+        /// The number given.
+        found: usize,
+    },
+    /// Two inputs that belong together have different lengths.
+    #[error("{what}: expected {expected} entries, one per surfel, found {found}")]
+    LengthMismatch {
+        /// The input that has the wrong length.
+        what: &'static str,
+        /// The length it must have.
+        expected: usize,
+        /// The length it has.
+        found: usize,
+    },
+    /// The residual of a solver grows without bound.
+    #[error(
+        "the radiosity equation diverged: relative residual {residual:e} after {iterations} \
+         iterations; expected reflectances times row sums of the form factors below 1"
+    )]
+    Diverged {
+        /// Iterations made.
+        iterations: usize,
+        /// The relative residual reached.
+        residual: f64,
+    },
+    /// A solver did not reach its tolerance within the iterations it was given.
+    #[error(
+        "the radiosity equation did not converge: relative residual {residual:e} after \
+         {iterations} iterations, expected {tolerance:e} or less"
+    )]
+    NotConverged {
+        /// Iterations made.
+        iterations: usize,
+        /// The relative residual reached.
+        residual: f64,
+        /// The residual that was to be reached.
+        tolerance: f64,
+    },
+    /// The engine's refusal of a sum.
+    #[error(transparent)]
+    Sum(#[from] farfield::Error),
+}
+
+impl From<Infallible> for Error {
+    fn from(never: Infallible) -> Self {
+        match never {}
+    }
+}
