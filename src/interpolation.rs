@@ -273,13 +273,14 @@ impl<K: PointKernel> Expansion for Interpolation<K> {
         Ok(())
     }
 
-    /// About as many points as nodes; the order that a tolerance will need is guessed as for 1/r.
+    /// About as many points as nodes, more if a node carries several components; the order that a
+    /// tolerance will need is guessed as for 1/r.
     fn leaf_size(&self) -> usize {
         let order = match self.accuracy {
             Accuracy::Order(order) => order,
-            Accuracy::Tolerance(tolerance) => (1.0 - 1.1 * tolerance.log10()) as usize,
+            Accuracy::Tolerance(tolerance) => (2.0 - tolerance.log10()) as usize,
         };
-        order.clamp(3, 8).pow(3)
+        order.clamp(3, 8).pow(3) * (K::FIELDS * K::DENSITIES).isqrt()
     }
 
     fn p2m(

@@ -5,7 +5,6 @@ use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use farfield_radiosity::Surfel;
-use image::{ImageFormat, RgbImage};
 
 use crate::report::Report;
 
@@ -45,10 +44,14 @@ impl Output {
         codes: &[[u8; 3]],
     ) -> Result<(), OutputError> {
         let edge = size as u32;
-        let picture = RgbImage::from_vec(edge, edge, codes.concat()).expect("size² codes");
-        let mut bytes = io::Cursor::new(Vec::new());
-        let encoded = picture.write_to(&mut bytes, ImageFormat::Png).map_err(io::Error::other);
-        self.write(name, |file| encoded.and_then(|()| file.write_all(bytes.get_ref())))
+        self.write(name, |file| {
+            let mut encoder = png::Encoder::new(file, edge, edge);
+            encoder.set_color(png::ColorType::Rgb);
+            encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
+            let mut writer = encoder.write_header()?;
+            writer.write_image_data(codes.as_flattened())?;
+            Ok(writer.finish()?)
+        })
     }
 
     /// Writes surfels as a point cloud with normals, areas and colours.
