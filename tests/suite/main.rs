@@ -6,5 +6,6 @@ mod engine;
 mod extension;
 mod kernels;
 mod lists;
+mod moments;
 mod radiosity;
 mod translation_theorems;

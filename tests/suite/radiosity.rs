@@ -28,7 +28,7 @@ fn plan<C: farfield::Linear<f64>>(
 }
 
 /// A room with a block on its floor, turned so that no side is parallel to a wall.
-fn room_with_block(n: usize) -> Scene {
+pub(crate) fn room_with_block(n: usize) -> Scene {
     let mut scene = furnace(n);
     let turned = |x: f64, y: f64, z: f64| {
         let (sin, cos) = 0.4f64.sin_cos();
@@ -47,7 +47,7 @@ fn room_with_block(n: usize) -> Scene {
 }
 
 /// Something different for every surfel and band.
-fn bands(n: usize) -> Vec<[f64; 3]> {
+pub(crate) fn bands(n: usize) -> Vec<[f64; 3]> {
     (0..n).map(|i| [1.0, 2.7, 0.3].map(|k| 1.0 + (i as f64 * k).sin())).collect()
 }
 
