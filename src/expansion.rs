@@ -51,9 +51,28 @@ pub trait Expansion: Send + Sync {
         Ok(())
     }
 
-    /// How many points a leaf should hold for the near and the far field to cost about the same.
-    fn leaf_size(&self) -> usize {
+    /// How many points a leaf may hold, so that the near and the far field cost about the same, if
+    /// one pair summed directly takes `_pair_seconds`.
+    fn leaf_size(&self, _pair_seconds: f64) -> usize {
         64
+    }
+
+    /// The relative error that [`Kernel::add_block`] may make in a pair of the near field; 0 asks for
+    /// all digits.
+    fn pair_tolerance(&self) -> f64 {
+        0.0
+    }
+
+    /// How many pairs summed directly cost as much as [`m2p`](Self::m2p) at one target; cells of
+    /// `level` with fewer sources are summed directly.
+    fn m2p_pairs(&self, level: usize) -> usize {
+        self.multipole_len(level)
+    }
+
+    /// How many pairs summed directly cost as much as [`p2l`](Self::p2l) of one source; target cells
+    /// of `level` with fewer targets are summed directly.
+    fn p2l_pairs(&self, level: usize) -> usize {
+        self.local_len(level)
     }
 
     /// Adds the moments of `sources` with `charges` about the centre of `cell`.

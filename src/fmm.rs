@@ -222,7 +222,7 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
                 report(Progress { phase, fraction });
             }
         };
-        let leaf_size = self.leaf_size.unwrap_or_else(|| self.expansion.leaf_size());
+        let leaf_size = self.leaf_size.unwrap_or_else(|| self.expansion.leaf_size(1e-9));
         if leaf_size == 0 {
             return Err(Error::InvalidLeafSize);
         }

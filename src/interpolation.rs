@@ -275,7 +275,7 @@ impl<K: PointKernel> Expansion for Interpolation<K> {
 
     /// About as many points as nodes, more if a node carries several components; the order that a
     /// tolerance will need is guessed as for 1/r.
-    fn leaf_size(&self) -> usize {
+    fn leaf_size(&self, _pair_seconds: f64) -> usize {
         let order = match self.accuracy {
             Accuracy::Order(order) => order,
             Accuracy::Tolerance(tolerance) => (2.0 - tolerance.log10()) as usize,

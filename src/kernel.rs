@@ -27,13 +27,15 @@ pub trait Kernel: Send + Sync {
     /// Adds K(x, y) q to `u`.
     fn add(&self, x: &Self::Target, y: &Self::Source, q: &Self::Charge, u: &mut Self::Value);
 
-    /// Adds Σ_j K(x_i, y_j) q_j to `us[i]` for every target of a block. Override it to do better than
-    /// the double loop; each target's sum must keep one fixed order of its own.
+    /// Adds Σ_j K(x_i, y_j) q_j to `us[i]` for every target of a block. Each K(x_i, y_j) may be off by
+    /// the relative error `tolerance`; 0 asks for all digits. Override it to do better than the double
+    /// loop; each target's sum must keep one fixed order of its own.
     fn add_block(
         &self,
         xs: &[Self::Target],
         ys: &[Self::Source],
         qs: &[Self::Charge],
+        _tolerance: f64,
         us: &mut [Self::Value],
     ) {
         for (x, u) in xs.iter().zip(us) {
@@ -214,7 +216,7 @@ pub fn direct<K: Kernel>(
     values
         .par_chunks_mut(DIRECT_BLOCK)
         .zip(targets.par_chunks(DIRECT_BLOCK))
-        .for_each(|(us, xs)| kernel.add_block(xs, sources, charges, us));
+        .for_each(|(us, xs)| kernel.add_block(xs, sources, charges, 0.0, us));
     values
 }
 

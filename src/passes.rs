@@ -285,7 +285,7 @@ impl<E: Expansion> Plan<E> {
         let points = run.first as usize..run.last as usize;
         let (ys, qs) = (&self.sources[points.clone()], &charges[points]);
         if run.bits == ALL {
-            return kernel.add_block(xs, ys, qs, us);
+            return kernel.add_block(xs, ys, qs, self.expansion.pair_tolerance(), us);
         }
         let bits = &self.lists.bits[run.bits as usize..];
         for (i, (x, u)) in xs.iter().zip(us).enumerate() {
@@ -316,7 +316,8 @@ impl<E: Expansion> Far<'_, E> {
     fn direct(&self, s: u32, xs: &[TargetOf<E>], us: &mut [ValueOf<E>]) {
         let points = self.plan.source_tree.nodes[s as usize].points();
         let (ys, qs) = (&self.plan.sources[points.clone()], &self.charges[points]);
-        self.plan.expansion.kernel().add_block(xs, ys, qs, us);
+        let expansion = &self.plan.expansion;
+        expansion.kernel().add_block(xs, ys, qs, expansion.pair_tolerance(), us);
     }
 }
 

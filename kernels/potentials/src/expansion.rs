@@ -143,7 +143,7 @@ impl<E: Exponent, T: Real, C: Linear<T>, O: Output<T, C>> Expansion
         self.harmonic.len()
     }
 
-    fn leaf_size(&self) -> usize {
+    fn leaf_size(&self, _pair_seconds: f64) -> usize {
         // 27 neighbours of n² pairs each against 189 M2L translations.
         let pair_work = if O::GRADIENT { 2.0 } else { 1.0 };
         (LEAF_FACTOR * (self.harmonic.m2l_work() as f64 / pair_work).sqrt()) as usize + 8

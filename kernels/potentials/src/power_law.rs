@@ -86,7 +86,14 @@ impl<E: Exponent, T: Real, C: Linear<T>, O: Output<T, C>> Kernel for PowerLaw<E,
         O::add(u, &scaled(k, q), &gradient.map(|component| scaled(component, q)));
     }
 
-    fn add_block(&self, xs: &[Point<T>], ys: &[Point<T>], qs: &[C], us: &mut [O::Value]) {
+    fn add_block(
+        &self,
+        xs: &[Point<T>],
+        ys: &[Point<T>],
+        qs: &[C],
+        _tolerance: f64,
+        us: &mut [O::Value],
+    ) {
         for (xs, us) in xs.chunks(LANES).zip(us.chunks_mut(LANES)) {
             // The last lanes of a short chunk repeat its last target.
             let points: [Point<T>; LANES] = std::array::from_fn(|i| xs[i.min(xs.len() - 1)]);
@@ -278,7 +285,7 @@ mod tests {
             let qs: Vec<_> = points(23, 0.7).into_iter().map(|p| p.to_array()).collect();
             let kernel = PowerLaw::<E, f64>::new().columns::<[f64; 3]>().with_gradient();
             let mut block = vec![Additive::zero(); xs.len()];
-            kernel.add_block(&xs, &ys, &qs, &mut block);
+            kernel.add_block(&xs, &ys, &qs, 0.0, &mut block);
             let mut pairs = vec![Additive::zero(); xs.len()];
             for (x, u) in xs.iter().zip(&mut pairs) {
                 for (y, q) in ys.iter().zip(&qs) {
