@@ -1,15 +1,20 @@
-//! Interpolation at Chebyshev nodes of the first kind on [−1, 1] and on tensor grids of them: pure
-//! numerics.
+//! Chebyshev polynomials on [−1, 1]: the coordinates in which interpolation works.
+//!
+//! The polynomials are normalised, T̂_0 = 1 and T̂_j = √2 T_j, so that they are orthonormal on the n
+//! Chebyshev nodes with weights 1/n. Interpolating at the nodes is then projecting onto T̂_0 … T̂_{n−1}:
+//! f(x) ≈ Σ_j T̂_j(x) · 1/n Σ_k T̂_j(x_k) f(x_k).
 
-use crate::real::{Point, Real, Vector};
+use num_traits::Float;
 
-/// The nodes x_k = cos((k + ½) π / n) and what is needed to interpolate at them.
+use crate::real::{Point, Real, Scalar, Vector};
+
+/// The nodes x_k = cos((k + ½) π / n) and the polynomials T̂_0 … T̂_{n−1} on them.
 #[derive(Clone, Debug)]
 pub(crate) struct Chebyshev<T> {
     nodes: Vec<T>,
-    /// (2 − δ_j0)/n · T_j(x_k), row k.
-    transform: Vec<T>,
-    /// For the lower and the upper half: S_k at node a of the half, row a.
+    /// 1/n · T̂_j(x_k), row j.
+    projection: Vec<T>,
+    /// For the lower and the upper half: T̂_j(x/2 ∓ ½) = Σ_k A_jk T̂_k(x), row j.
     halves: [Vec<T>; 2],
 }
 
@@ -17,27 +22,33 @@ impl<T: Real> Chebyshev<T> {
     /// The rule with `n` ≥ 1 nodes.
     pub(crate) fn new(n: usize) -> Self {
         let angle = |k: usize| (k as f64 + 0.5) * std::f64::consts::PI / n as f64;
-        let nodes: Vec<T> = (0..n).map(|k| T::from_f64(angle(k).cos())).collect();
-        let transform = (0..n * n)
-            .map(|i| {
-                let (k, j) = (i / n, i % n);
-                let factor = if j == 0 { 1.0 } else { 2.0 };
-                T::from_f64(factor / n as f64 * (j as f64 * angle(k)).cos())
-            })
-            .collect();
-        let mut rule = Self { nodes, transform, halves: [Vec::new(), Vec::new()] };
-        for (half, shift) in [(0, -0.5), (1, 0.5)] {
-            let mut matrix = vec![T::from_f64(0.0); n * n];
-            for (a, row) in matrix.chunks_exact_mut(n).enumerate() {
-                let x = T::from_f64(0.5) * rule.nodes[a] + T::from_f64(shift);
-                rule.weights(x, row);
-            }
-            rule.halves[half] = matrix;
+        let nodes: Vec<f64> = (0..n).map(|k| angle(k).cos()).collect();
+        let mut columns = vec![0.0; n * n];
+        for (&x, column) in nodes.iter().zip(columns.chunks_exact_mut(n)) {
+            polynomials(x, column);
         }
-        rule
+        let projection = |j: usize, k: usize| columns[k * n + j] / n as f64;
+        let halves = [-0.5, 0.5].map(|shift| {
+            let mut matrix = vec![0.0; n * n];
+            let mut at = vec![0.0; n];
+            for (a, &x) in nodes.iter().enumerate() {
+                polynomials(0.5 * x + shift, &mut at);
+                for (row, &t) in matrix.chunks_exact_mut(n).zip(&at) {
+                    for (k, entry) in row.iter_mut().enumerate() {
+                        *entry += t * projection(k, a);
+                    }
+                }
+            }
+            matrix.into_iter().map(T::from_f64).collect()
+        });
+        Self {
+            projection: (0..n * n).map(|i| T::from_f64(projection(i / n, i % n))).collect(),
+            nodes: nodes.into_iter().map(T::from_f64).collect(),
+            halves,
+        }
     }
 
-    /// Number of nodes.
+    /// Number of nodes, and of polynomials.
     pub(crate) fn len(&self) -> usize {
         self.nodes.len()
     }
@@ -48,76 +59,84 @@ impl<T: Real> Chebyshev<T> {
         Point::<T>::from_array([nodes[k / (n * n)], nodes[k / n % n], nodes[k % n]])
     }
 
-    /// The matrix that takes values at the nodes to values at the nodes of the lower (0) or upper
-    /// (1) half, row after row.
+    /// All nodes of the grid.
+    pub(crate) fn grid(&self) -> impl Iterator<Item = Point<T>> {
+        (0..self.len().pow(3)).map(|k| self.grid_node(k))
+    }
+
+    /// The matrix A of the lower (0) or upper (1) half, row after row: T̂_j of the whole interval in the
+    /// polynomials of the half.
     pub(crate) fn half(&self, half: usize) -> &[T] {
         &self.halves[half]
     }
 
-    /// Writes S_k(x) = 1/n + 2/n Σ_{j≥1} T_j(x_k) T_j(x): the weight of node k at x.
-    pub(crate) fn weights(&self, x: T, weights: &mut [T]) {
-        let n = self.len();
-        for (weight, row) in weights.iter_mut().zip(self.transform.chunks_exact(n)) {
-            let (mut previous, mut polynomial) = (x, T::from_f64(1.0));
-            let mut sum = T::from_f64(0.0);
-            for &factor in row {
-                sum += factor * polynomial;
-                let next = x * polynomial + x * polynomial - previous;
-                previous = polynomial;
-                polynomial = next;
-            }
-            *weight = sum;
-        }
+    /// Turns values at the grid's nodes into coefficients of T̂_i(x) T̂_j(y) T̂_k(z).
+    pub(crate) fn coefficients<S: Scalar<Real = T>>(&self, values: &mut [S]) {
+        self.along_each_axis(&self.projection, false, values);
     }
 
-    /// Writes dS_k/dx, by T_j' = j U_{j−1}.
-    pub(crate) fn derivatives(&self, x: T, derivatives: &mut [T]) {
+    /// Turns weights of the polynomials into weights of the nodes with the same effect on every f: the
+    /// transpose of [`coefficients`](Self::coefficients).
+    pub(crate) fn node_weights<S: Scalar<Real = T>>(&self, weights: &mut [S]) {
+        self.along_each_axis(&self.projection, true, weights);
+    }
+
+    /// Applies a matrix per axis, one after the other, in place.
+    fn along_each_axis<S: Scalar<Real = T>>(&self, matrix: &[T], transposed: bool, of: &mut [S]) {
         let n = self.len();
-        for (derivative, row) in derivatives.iter_mut().zip(self.transform.chunks_exact(n)) {
-            let (mut previous, mut second_kind) = (T::from_f64(0.0), T::from_f64(1.0));
-            let mut sum = T::from_f64(0.0);
-            for (j, &factor) in row.iter().enumerate().skip(1) {
-                sum += factor * T::from_f64(j as f64) * second_kind;
-                let next = x * second_kind + x * second_kind - previous;
-                previous = second_kind;
-                second_kind = next;
-            }
-            *derivative = sum;
+        let mut from = vec![<S as crate::real::Additive>::zero(); of.len()];
+        for inner in [n * n, n, 1] {
+            from.copy_from_slice(of);
+            of.fill(<S as crate::real::Additive>::zero());
+            contract(matrix, transposed, n, inner, &from, of);
         }
     }
 }
 
-/// Interpolation weights of all nodes of a cell at one point.
-pub(crate) struct Weights<T> {
-    axes: [Vec<T>; 3],
-}
-
-impl<T: Real> Weights<T> {
-    pub(crate) fn new(n: usize) -> Self {
-        Self { axes: std::array::from_fn(|_| vec![T::from_f64(0.0); n]) }
-    }
-
-    /// Takes the weights at `p`, in normalised coordinates.
-    pub(crate) fn set(&mut self, rule: &Chebyshev<T>, p: Point<T>) {
-        for (weights, x) in self.axes.iter_mut().zip(p.to_array()) {
-            rule.weights(x, weights);
+/// to[o, j, i] += Σ_k h[j, k] from[o, k, i] over arrays of shape (·, n, `inner`), where h is the matrix or
+/// its transpose.
+pub(crate) fn contract<S: Scalar>(
+    matrix: &[S::Real],
+    transposed: bool,
+    n: usize,
+    inner: usize,
+    from: &[S],
+    to: &mut [S],
+) {
+    for (from, to) in from.chunks_exact(n * inner).zip(to.chunks_exact_mut(n * inner)) {
+        for (j, to) in to.chunks_exact_mut(inner).enumerate() {
+            for (k, from) in from.chunks_exact(inner).enumerate() {
+                let h = if transposed { matrix[k * n + j] } else { matrix[j * n + k] };
+                let h = S::from_real(h);
+                for (to, &from) in to.iter_mut().zip(from) {
+                    *to += h * from;
+                }
+            }
         }
     }
+}
 
-    /// Replaces the weights along one axis by their derivatives at `p`.
-    pub(crate) fn differentiate(&mut self, rule: &Chebyshev<T>, axis: usize, p: Point<T>) {
-        rule.derivatives(p.to_array()[axis], &mut self.axes[axis]);
+/// Writes T̂_0(x) … T̂_{n−1}(x).
+#[inline(always)]
+pub(crate) fn polynomials<T: Float>(x: T, values: &mut [T]) {
+    let one = T::one();
+    let root_two = (one + one).sqrt();
+    // T_{−1} = T_1 = x starts the recurrence T_{j+1} = 2x T_j − T_{j−1}.
+    let (mut previous, mut current) = (x, one);
+    for (j, value) in values.iter_mut().enumerate() {
+        *value = if j == 0 { one } else { root_two * current };
+        (previous, current) = (current, (x + x) * current - previous);
     }
+}
 
-    /// The products w_i w_j w_k in the order of the nodes.
-    pub(crate) fn products(&self) -> impl Iterator<Item = T> {
-        let [x, y, z] = &self.axes;
-        x.iter().flat_map(move |&wx| {
-            y.iter().flat_map(move |&wy| {
-                let wxy = wx * wy;
-                z.iter().map(move |&wz| wxy * wz)
-            })
-        })
+/// Writes dT̂_j/dx, by T_j' = j U_{j−1}.
+#[inline(always)]
+pub(crate) fn derivatives<T: Real>(x: T, values: &mut [T]) {
+    let root_two = T::SQRT_2();
+    let (mut previous, mut second_kind) = (T::from_f64(-1.0), T::from_f64(0.0));
+    for (j, value) in values.iter_mut().enumerate() {
+        *value = root_two * T::from_f64(j as f64) * second_kind;
+        (previous, second_kind) = (second_kind, (x + x) * second_kind - previous);
     }
 }
 
@@ -125,48 +144,79 @@ impl<T: Real> Weights<T> {
 mod tests {
     use super::*;
     use approx::assert_relative_eq;
+    use glam::DVec3;
 
     /// A polynomial of degree 4 and its derivative.
     fn quartic(x: f64) -> (f64, f64) {
         (1.0 + x * (2.0 - x * (3.0 + x * (0.5 - x))), 2.0 - 6.0 * x - 1.5 * x * x + 4.0 * x.powi(3))
     }
 
-    fn interpolate(weights: &[f64], values: &[f64]) -> f64 {
-        weights.iter().zip(values).map(|(w, v)| w * v).sum()
+    fn cube(p: DVec3) -> f64 {
+        quartic(p.x).0 * quartic(0.3 - p.y).0 * quartic(0.5 * p.z).0
+    }
+
+    fn coefficients(rule: &Chebyshev<f64>) -> Vec<f64> {
+        let mut values: Vec<f64> = rule.grid().map(cube).collect();
+        rule.coefficients(&mut values);
+        values
     }
 
     #[test]
     fn polynomials_below_the_order_are_exact() {
         let rule = Chebyshev::<f64>::new(5);
-        let values: Vec<f64> = rule.nodes.iter().map(|&x| quartic(x).0).collect();
-        let mut weights = [0.0; 5];
-        for x in [-1.0, -0.3, 0.0, 0.77, 1.0] {
-            rule.weights(x, &mut weights);
-            assert_relative_eq!(interpolate(&weights, &values), quartic(x).0, epsilon = 1e-14);
-            rule.derivatives(x, &mut weights);
-            assert_relative_eq!(interpolate(&weights, &values), quartic(x).1, epsilon = 1e-13);
+        let coefficients = coefficients(&rule);
+        for p in [DVec3::new(-1.0, 0.2, 1.0), DVec3::new(0.7, -0.9, 0.0)] {
+            let [mut x, mut y, mut z] = [[0.0; 5]; 3];
+            for (values, at) in [(&mut x, p.x), (&mut y, p.y), (&mut z, p.z)] {
+                polynomials(at, values);
+            }
+            let mut sum = 0.0;
+            for (i, c) in coefficients.iter().enumerate() {
+                sum += c * x[i / 25] * y[i / 5 % 5] * z[i % 5];
+            }
+            assert_relative_eq!(sum, cube(p), epsilon = 1e-13);
         }
     }
 
     #[test]
-    fn halves_move_values_to_the_nodes_of_the_half() {
-        let rule = Chebyshev::<f64>::new(5);
-        let values: Vec<f64> = rule.nodes.iter().map(|&x| quartic(x).0).collect();
-        for (half, shift) in [(0, -0.5), (1, 0.5)] {
-            for (a, row) in rule.half(half).chunks_exact(5).enumerate() {
-                let exact = quartic(0.5 * rule.nodes[a] + shift).0;
-                assert_relative_eq!(interpolate(row, &values), exact, epsilon = 1e-14);
+    fn derivatives_agree_with_differences() {
+        let (mut d, mut above, mut below) = ([0.0; 7], [0.0; 7], [0.0; 7]);
+        for x in [-0.9, 0.0, 0.4] {
+            derivatives(x, &mut d);
+            polynomials(x + 1e-6, &mut above);
+            polynomials(x - 1e-6, &mut below);
+            for j in 0..7 {
+                assert_relative_eq!(d[j], (above[j] - below[j]) / 2e-6, epsilon = 1e-7);
             }
         }
     }
 
     #[test]
-    fn one_node_is_the_constant() {
-        let rule = Chebyshev::<f32>::new(1);
-        let mut weights = [0.0; 1];
-        rule.weights(0.3, &mut weights);
-        assert_eq!(weights, [1.0]);
-        rule.derivatives(0.3, &mut weights);
-        assert_eq!(weights, [0.0]);
+    fn halves_express_the_whole() {
+        let n = 5;
+        let rule = Chebyshev::<f64>::new(n);
+        let (mut whole, mut part) = (vec![0.0; n], vec![0.0; n]);
+        for (half, shift) in [(0, -0.5), (1, 0.5)] {
+            for x in [-1.0, 0.3, 0.8] {
+                polynomials(0.5 * x + shift, &mut whole);
+                polynomials(x, &mut part);
+                for (row, &value) in rule.half(half).chunks_exact(n).zip(&whole) {
+                    let sum: f64 = row.iter().zip(&part).map(|(a, b)| a * b).sum();
+                    assert_relative_eq!(sum, value, epsilon = 1e-13);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn node_weights_transpose_coefficients() {
+        let rule = Chebyshev::<f64>::new(4);
+        let value = |i: usize| (i as f64).sin();
+        let (mut f, mut w): (Vec<f64>, Vec<f64>) = (0..64).map(|i| (value(i), value(i + 99))).unzip();
+        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        let (values, weights) = (f.clone(), w.clone());
+        rule.coefficients(&mut f);
+        rule.node_weights(&mut w);
+        assert_relative_eq!(dot(&f, &weights), dot(&values, &w), epsilon = 1e-13);
     }
 }

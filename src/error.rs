@@ -54,6 +54,9 @@ pub enum Error {
         /// The sum, printed.
         value: String,
     },
+    /// The kernel is NaN or infinite between points of well-separated cells.
+    #[error("the kernel is not finite between well-separated points: expected a finite number")]
+    NonFiniteKernel,
     /// Two inputs that belong together have different lengths.
     #[error("{what}: expected {expected} entries, found {found}")]
     LengthMismatch {

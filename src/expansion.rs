@@ -129,14 +129,10 @@ pub trait Expansion: Send + Sync {
         locals: &mut [Self::LocalTerm],
     ) {
         let multipole_len = self.multipole_len(level.level);
-        locals.par_chunks_mut(self.local_len(level.level).max(1)).enumerate().for_each(
-            |(t, local)| {
-                for s in level.sources_of(t) {
-                    let multipole = &multipoles[s * multipole_len..][..multipole_len];
-                    self.m2l(&level.sources[s], &level.targets[t], multipole, local);
-                }
-            },
-        );
+        level.for_each_pair(locals, |s, t, local| {
+            let multipole = &multipoles[s * multipole_len..][..multipole_len];
+            self.m2l(&level.sources[s], &level.targets[t], multipole, local);
+        });
     }
 
     /// Adds the values of a multipole expansion at `targets` that are well separated from `cell`.
@@ -228,6 +224,19 @@ impl<T: Real> LevelPairs<'_, T> {
         let list = &self.list[self.starts[t] as usize..self.starts[t + 1] as usize];
         list.iter().map(|&s| s as usize - self.first_source)
     }
+
+    /// Calls `visit(s, t, terms of t)` for every pair: target cells in parallel, the sources of each in
+    /// order.
+    pub fn for_each_pair<L: Send>(
+        &self,
+        locals: &mut [L],
+        visit: impl Fn(usize, usize, &mut [L]) + Sync,
+    ) {
+        let len = locals.len() / self.targets.len().max(1);
+        locals.par_chunks_mut(len.max(1)).enumerate().for_each(|(t, local)| {
+            self.sources_of(t).for_each(|s| visit(s, t, local));
+        });
+    }
 }
 
 /// One value per integer offset, found by binary search: where expansions keep their operators.
@@ -255,6 +264,21 @@ impl<V: Send> OffsetMap<V> {
 
     /// The value at `offset`, if it was built.
     pub fn get(&self, offset: [i32; 3]) -> Option<&V> {
-        self.offsets.binary_search(&offset).ok().map(|i| &self.values[i])
+        self.index(offset).map(|i| &self.values[i])
+    }
+
+    /// Where the value at `offset` stands in [`values`](Self::values), if it was built.
+    pub fn index(&self, offset: [i32; 3]) -> Option<usize> {
+        self.offsets.binary_search(&offset).ok()
+    }
+
+    /// The offsets of all values, in ascending order.
+    pub fn offsets(&self) -> &[[i32; 3]] {
+        &self.offsets
+    }
+
+    /// All values, in ascending order of their offsets.
+    pub fn values(&self) -> &[V] {
+        &self.values
     }
 }

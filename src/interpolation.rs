@@ -1,286 +1,244 @@
-//! The black-box expansion of any point kernel: interpolation at Chebyshev nodes.
+//! The black-box expansion of any point kernel: interpolation, compressed to numerical rank.
 
+use std::any::type_name;
 use std::fmt;
 
-use num_traits::Float;
+use pulp::Arch;
 
-use crate::chebyshev::{Chebyshev, Weights};
+use crate::chebyshev::Chebyshev;
+use crate::dense::Dense;
 use crate::error::Error;
-use crate::expansion::{Expansion, Geometry, Level, OffsetMap};
-use crate::geometry::{Cell, Cube};
+use crate::expansion::{Expansion, Geometry, LevelPairs};
+use crate::geometry::Cell;
 use crate::kernel::{Outcome, PointKernel};
-use crate::probe;
-use crate::real::{Additive, Linear, Located, Point, Real, Scalar, Vector};
+use crate::pool::Pool;
+use crate::probe::Formula;
+use crate::real::{Additive, Columns, Located, Point, Real, Scalar, Vector};
 
-/// The far field of any [`PointKernel`] by interpolation at n × n × n Chebyshev nodes per cell
-/// (Fong and Darve, "The black-box fast multipole method", J. Comput. Phys. 228, 2009).
+mod basis;
+mod by_kernel;
+mod cache;
+mod cost;
+mod far_field;
+mod operators;
+mod points;
+mod prepared;
+mod transfer;
+
+use basis::Basis;
+use operators::{Accuracy, shift_in_place};
+use points::{Powers, row};
+use prepared::{Everywhere, Prepared};
+use transfer::{add_signed, push_signed};
+
+/// The far field of any [`PointKernel`]: interpolation at Chebyshev nodes (Fong and Darve, "The
+/// black-box fast multipole method", J. Comput. Phys. 228, 2009), reduced to the numerical rank of the
+/// far field.
 ///
-/// A multipole term is a column of densities at a node, a local term one of fields. Nothing about the
-/// kernel is declared: whether it is translation invariant, whether it is homogeneous, so that one set
-/// of operators serves all levels, and which order a tolerance needs, is measured when the plan is
-/// built. M2L costs O(n⁶) multiply-adds per pair of cells.
+/// Nothing about the kernel is declared. Whether it is translation invariant, symmetric, homogeneous, or
+/// changes only signs under reflections is measured when the plan is built, and saves work where it
+/// holds. Order, rank and cut-offs follow from the tolerance: the fewest nodes that interpolate the far
+/// field well enough; the singular vectors of the far field that matter; for every M2L offset a product
+/// of two thin matrices. What is left is measured between random points, and tightened if need be.
+///
+/// Operators depend on the kernel and the tolerance, not on the points: sets that were used lately are
+/// remembered by the process and serve further plans.
+///
+/// With rank r per cell and k per offset, M2L costs O(r k) multiply-adds per pair of cells, as matrix
+/// products; P2M and L2P cost O(n³) per point for n nodes per axis.
 pub struct Interpolation<K: PointKernel> {
     kernel: K,
     accuracy: Accuracy,
-    rule: Chebyshev<K::Real>,
-    translation_invariant: bool,
-    operators: Operators<K>,
-}
-
-/// M2L matrices, column after column.
-enum Operators<K: PointKernel> {
-    /// For each level its own.
-    PerLevel(Vec<OffsetMap<Vec<K::Entry>>>),
-    /// Those of cells of half-width `half_width`; a factor s in size is a factor s^degree in value.
-    Homogeneous { half_width: K::Real, degree: f64, matrices: OffsetMap<Vec<K::Entry>> },
+    prepared: Prepared<K::Entry>,
+    scratch: Pool<Scratch<K>>,
 }
 
 /// The largest number of nodes per axis.
 pub const MAX_ORDER: usize = 16;
 
-/// Bytes of M2L matrices that are kept; others are evaluated whenever they are used.
-const OPERATOR_BYTES: usize = 1 << 30;
+/// The share of the tolerance that one pair of the near field may be off by.
+const PAIR_SHARE: f64 = 0.05;
 
-#[derive(Clone, Copy, Debug)]
-enum Accuracy {
-    Tolerance(f64),
-    Order(usize),
-}
+/// One evaluation of [`PointKernel::entries`] costs about as much as this many pairs of a near field.
+const ENTRY_PAIRS: usize = 4;
 
 impl<K: PointKernel> Interpolation<K> {
     /// Expands `kernel` to a relative l2 error of 1e-6.
     pub fn new(kernel: K) -> Self {
-        let rule = Chebyshev::new(1);
-        let accuracy = Accuracy::Tolerance(1e-6);
         Self {
             kernel,
-            accuracy,
-            rule,
-            translation_invariant: false,
-            operators: Operators::PerLevel(vec![]),
+            accuracy: Accuracy::Tolerance(1e-6),
+            prepared: Prepared::Everywhere(Everywhere::with_order(1, K::FIELDS, K::DENSITIES)),
+            scratch: Pool::default(),
         }
     }
 
-    /// The relative l2 error to stay below, between 0 and 1. The order is the smallest that meets it
-    /// for cells that are barely well separated, at every level that occurs.
+    /// The relative l2 error to stay below, between 0 and 1.
     pub fn tolerance(self, tolerance: f64) -> Self {
         Self { accuracy: Accuracy::Tolerance(tolerance), ..self }
     }
 
-    /// A fixed number of nodes per axis, 1 to [`MAX_ORDER`].
+    /// A fixed number of nodes per axis, 1 to [`MAX_ORDER`]; nothing is cut off that they resolve.
     pub fn order(self, order: usize) -> Self {
         Self { accuracy: Accuracy::Order(order), ..self }
     }
 
     /// Nodes per axis of a prepared expansion.
     pub fn nodes_per_axis(&self) -> usize {
-        self.rule.len()
+        self.rule().len()
     }
 
-    /// Nodes per cell.
-    fn nodes(&self) -> usize {
-        self.rule.len().pow(3)
-    }
-
-    fn choose_rule(
-        &self,
-        root: &Cube<K::Real>,
-        levels: &[Level<K::Real>],
-    ) -> Result<Chebyshev<K::Real>, Error> {
-        match self.accuracy {
-            Accuracy::Order(found) if found == 0 || found > MAX_ORDER => {
-                Err(Error::InvalidOrder { min: 1, max: MAX_ORDER, found })
-            }
-            Accuracy::Order(order) => Ok(Chebyshev::new(order)),
-            Accuracy::Tolerance(found) if !(found > 0.0 && found < 1.0) => {
-                Err(Error::InvalidTolerance { found })
-            }
-            Accuracy::Tolerance(requested) => {
-                let mut reachable = f64::INFINITY;
-                for n in 1..=MAX_ORDER {
-                    let rule = Chebyshev::new(n);
-                    let error = probe::interpolation_error(&self.kernel, &rule, root, levels);
-                    if error <= requested {
-                        return Ok(rule);
-                    }
-                    reachable = reachable.min(error);
-                }
-                Err(Error::UnreachableTolerance { requested, reachable })
-            }
+    /// The relative error that was measured between random points of well-separated cells when the
+    /// expansion was prepared; none for a kernel that is not translation invariant.
+    pub fn measured_error(&self) -> Option<f64> {
+        match &self.prepared {
+            Prepared::Everywhere(_) => None,
+            Prepared::Invariant(invariant) => Some(invariant.operators.error),
         }
     }
 
-    fn build_operators(&self, geometry: &Geometry<K::Real>, degree: Option<f64>) -> Operators<K> {
-        let mut bytes_left = if self.translation_invariant { OPERATOR_BYTES } else { 0 };
-        let mut matrices = |half_width, offsets: &[[i32; 3]]| {
-            let entries = self.nodes().pow(2) * K::FIELDS * K::DENSITIES;
-            let bytes = entries * size_of::<K::Entry>();
-            let count = offsets.len().min(bytes_left / bytes);
-            bytes_left -= count * bytes;
-            OffsetMap::build(&offsets[..count], |offset| self.matrix(half_width, offset, entries))
-        };
-        if let (Some(degree), Some(level)) = (degree, geometry.levels.first()) {
-            let half_width = level.half_width;
-            let matrices = matrices(half_width, &geometry.all_offsets());
-            return Operators::Homogeneous { half_width, degree, matrices };
-        }
-        let mut levels = Vec::new();
-        for level in &geometry.levels {
-            levels.resize_with(level.level, OffsetMap::default);
-            levels.push(matrices(level.half_width, &level.offsets));
-        }
-        Operators::PerLevel(levels)
-    }
-
-    /// The M2L matrix between cells of the given half-width.
-    fn matrix(&self, half_width: K::Real, offset: [i32; 3], entries: usize) -> Vec<K::Entry> {
-        let two = K::Real::from_f64(2.0);
-        let step = offset.map(|o| K::Real::from_f64(f64::from(o)) * two * half_width);
-        let (target, source) = (Point::<K::Real>::from_array(step), Point::<K::Real>::default());
-        let mut matrix = Vec::with_capacity(entries);
-        self.for_each_column(half_width, target, source, |column| matrix.extend_from_slice(column));
-        matrix
-    }
-
-    /// The prepared matrix between two cells, if there is one, and the factor it is to be taken by.
-    fn operator(
-        &self,
-        source: &Cell<K::Real>,
-        target: &Cell<K::Real>,
-    ) -> Option<(&[K::Entry], K::Real)> {
-        let offset = source.offset_to(target);
-        match &self.operators {
-            Operators::PerLevel(levels) => {
-                Some((levels.get(source.level())?.get(offset)?, K::Real::from_f64(1.0)))
-            }
-            Operators::Homogeneous { half_width, degree, matrices } => {
-                let scale = (source.half_width() / *half_width).powf(K::Real::from_f64(*degree));
-                Some((matrices.get(offset)?, scale))
-            }
+    /// The mean rank of the M2L matrices at a level; none for a kernel that is not translation
+    /// invariant.
+    pub fn mean_m2l_rank(&self, level: usize) -> Option<f64> {
+        match &self.prepared {
+            Prepared::Everywhere(_) => None,
+            Prepared::Invariant(invariant) => Some(invariant.level(level).transfers.mean_rank()),
         }
     }
 
-    /// Visits the columns of the matrix that takes densities at the nodes about `source` to fields at
-    /// the nodes about `target`.
-    fn for_each_column(
-        &self,
-        half_width: K::Real,
-        target: Point<K::Real>,
-        source: Point<K::Real>,
-        mut visit: impl FnMut(&[K::Entry]),
-    ) {
-        let rows = self.nodes() * K::FIELDS;
-        let mut columns = vec![<K::Entry as Additive>::zero(); rows * K::DENSITIES];
-        let mut g = vec![<K::Entry as Additive>::zero(); K::FIELDS * K::DENSITIES];
-        for b in 0..self.nodes() {
-            let y = source + self.rule.grid_node(b) * half_width;
-            for a in 0..self.nodes() {
-                self.kernel.entries(target + self.rule.grid_node(a) * half_width, y, &mut g);
-                for (k, &entry) in g.iter().enumerate() {
-                    let (field, density) = (k / K::DENSITIES, k % K::DENSITIES);
-                    columns[density * rows + a * K::FIELDS + field] = entry;
-                }
-            }
-            columns.chunks_exact(rows).for_each(&mut visit);
+    fn rule(&self) -> &Chebyshev<K::Real> {
+        match &self.prepared {
+            Prepared::Everywhere(everywhere) => &everywhere.rule,
+            Prepared::Invariant(invariant) => &invariant.operators.rule,
         }
     }
 
-    /// Where the kernel sees the cell's centre and the point `p`. A translation-invariant kernel sees
-    /// them from the centre, which keeps the digits that a far-away origin would cost.
-    fn seen(&self, cell: &Cell<K::Real>, p: Point<K::Real>) -> (Point<K::Real>, Point<K::Real>) {
-        if self.translation_invariant {
-            (Point::<K::Real>::default(), cell.relative(p))
-        } else {
-            (cell.centre(), p)
+    fn source_basis(&self, level: usize) -> &Basis<K::Entry> {
+        match &self.prepared {
+            Prepared::Everywhere(everywhere) => &everywhere.source,
+            Prepared::Invariant(invariant) => &invariant.level(level).source,
         }
     }
 
-    /// Adds shifted terms: along each axis in turn the matrix of the half of the parent in which the
-    /// child lies, or its transpose.
-    fn shift(
-        &self,
-        child: &Cell<K::Real>,
-        transposed: bool,
-        components: usize,
-        from: &[K::Column],
-        to: &mut [K::Column],
-    ) {
-        let n = self.rule.len();
+    fn target_basis(&self, level: usize) -> &Basis<K::Entry> {
+        match &self.prepared {
+            Prepared::Everywhere(everywhere) => &everywhere.target,
+            Prepared::Invariant(invariant) => &invariant.level(level).target,
+        }
+    }
+
+    /// M2M, or L2L if `down`, between `child` and its parent.
+    fn shift(&self, child: &Cell<K::Real>, down: bool, from: &[K::Entry], to: &mut [K::Entry]) {
         let octant = child.octant();
-        let half = |axis: usize| self.rule.half(octant >> axis & 1);
-        let mut first = vec![K::Column::zero(); from.len()];
-        let mut second = first.clone();
-        let axis = |matrix, inner, from: &[K::Column], to: &mut [K::Column]| {
-            contract::<K>(matrix, n, transposed, inner, from, to);
-        };
-        axis(half(0), n * n * components, from, &mut first);
-        axis(half(1), n * components, &first, &mut second);
-        axis(half(2), components, &second, to);
+        match &self.prepared {
+            Prepared::Everywhere(everywhere) => {
+                let mut shifted = from.to_vec();
+                shift_in_place(&everywhere.rule, octant, down, &mut shifted);
+                to.iter_mut().zip(shifted).for_each(|(to, term)| *to += term);
+            }
+            Prepared::Invariant(invariant) => {
+                let shift = invariant.shift(child.level() - 1, octant, down);
+                if shift.from.is_empty() || shift.to.is_empty() {
+                    return;
+                }
+                self.scratch.with(
+                    || Scratch::new(self.rule().len()),
+                    |Scratch { terms: [x, z, _], .. }| {
+                        x.clear();
+                        push_signed(from, shift.from, x);
+                        z.resize(to.len(), Additive::zero());
+                        <K::Entry as Dense>::product(shift.matrix, x, false, z);
+                        add_signed(K::Real::from_f64(1.0), z, shift.to, to);
+                    },
+                );
+            }
+        }
     }
+
+    /// How many real arrays one right-hand side of one component takes.
+    const PARTS: usize = if K::Entry::COMPLEX { 2 } else { 1 };
 }
 
-/// to[o, k, i] += Σ_a h[k, a] from[o, a, i] over arrays of shape (·, n, `inner`), where h is the
-/// matrix or its transpose.
-fn contract<K: PointKernel>(
-    matrix: &[K::Real],
-    n: usize,
-    transposed: bool,
-    inner: usize,
-    from: &[K::Column],
-    to: &mut [K::Column],
-) {
-    for (from, to) in from.chunks_exact(n * inner).zip(to.chunks_exact_mut(n * inner)) {
-        for (k, to) in to.chunks_exact_mut(inner).enumerate() {
-            for (a, from) in from.chunks_exact(inner).enumerate() {
-                let h = if transposed { matrix[a * n + k] } else { matrix[k * n + a] };
-                let h = K::Entry::from_real(h);
-                for (to, from) in to.iter_mut().zip(from) {
-                    to.add_scaled(h, from);
-                }
-            }
+/// What P2M, L2P and the shifts write to in passing.
+struct Scratch<K: PointKernel> {
+    powers: Powers<K::Real>,
+    /// Positions in half-widths.
+    points: Vec<[K::Real; 3]>,
+    /// Densities or fields of all points, one array per column, part and component.
+    numbers: Vec<K::Real>,
+    /// Coefficients in padded arrays, likewise.
+    arrays: Vec<K::Real>,
+    /// Densities or fields of one point.
+    columns: Vec<K::Column>,
+    gradients: Vec<[K::Column; 3]>,
+    terms: [Vec<K::Entry>; 3],
+}
+
+impl<K: PointKernel> Scratch<K> {
+    fn new(n: usize) -> Self {
+        Self {
+            powers: Powers::new(n),
+            points: Vec::new(),
+            numbers: Vec::new(),
+            arrays: Vec::new(),
+            columns: vec![K::Column::zero(); K::FIELDS.max(K::DENSITIES)],
+            gradients: vec![[K::Column::zero(); 3]; if K::GRADIENT { K::FIELDS } else { 0 }],
+            terms: [Vec::new(), Vec::new(), Vec::new()],
         }
+    }
+
+    fn set_points<P: Located<Real = K::Real>>(&mut self, cell: &Cell<K::Real>, points: &[P]) {
+        self.points.clear();
+        self.points.extend(points.iter().map(|p| cell.normalised(p.position()).to_array()));
     }
 }
 
 impl<K: PointKernel> Expansion for Interpolation<K> {
     type Kernel = K;
-    type MultipoleTerm = K::Column;
-    type LocalTerm = K::Column;
+    type MultipoleTerm = K::Entry;
+    type LocalTerm = K::Entry;
 
     fn kernel(&self) -> &K {
         &self.kernel
     }
 
-    fn multipole_len(&self, _level: usize) -> usize {
-        self.nodes() * K::DENSITIES
+    fn multipole_len(&self, level: usize) -> usize {
+        self.source_basis(level).rank() * K::Column::WIDTH
     }
 
-    fn local_len(&self, _level: usize) -> usize {
-        self.nodes() * K::FIELDS
+    fn local_len(&self, level: usize) -> usize {
+        self.target_basis(level).rank() * K::Column::WIDTH
     }
 
     fn prepare(&mut self, geometry: &Geometry<K::Real>) -> Result<(), Error> {
-        let Geometry { root, levels } = geometry;
-        self.translation_invariant = probe::translation_invariant(&self.kernel, root);
-        let degree = match self.translation_invariant {
-            true => probe::homogeneity(&self.kernel, root),
-            false => None,
-        };
-        // Relative errors of a homogeneous kernel are the same at every level.
-        let probed = if degree.is_some() { levels.len().min(1) } else { levels.len() };
-        self.rule = self.choose_rule(root, &levels[..probed])?;
-        self.operators = self.build_operators(geometry, degree);
+        self.accuracy.check()?;
+        let kernel = &self.kernel;
+        let entries =
+            |x: Point<K::Real>, y: Point<K::Real>, g: &mut [K::Entry]| kernel.entries(x, y, g);
+        let formula = Formula::new(K::FIELDS, K::DENSITIES, &entries);
+        self.prepared = Prepared::new(type_name::<K>(), &formula, self.accuracy, geometry)?;
+        self.scratch = Pool::default();
         Ok(())
     }
 
-    /// About as many points as nodes, more if a node carries several components; the order that a
-    /// tolerance will need is guessed as for 1/r.
-    fn leaf_size(&self, _pair_seconds: f64) -> usize {
-        let order = match self.accuracy {
-            Accuracy::Order(order) => order,
-            Accuracy::Tolerance(tolerance) => (2.0 - tolerance.log10()) as usize,
-        };
-        order.clamp(3, 8).pow(3) * (K::FIELDS * K::DENSITIES).isqrt()
+    fn leaf_size(&self, pair_seconds: f64) -> usize {
+        let components = K::FIELDS.max(K::DENSITIES);
+        cost::leaf_size::<K::Entry>(self.accuracy, components, K::Column::WIDTH, pair_seconds)
+    }
+
+    fn pair_tolerance(&self) -> f64 {
+        match self.accuracy {
+            Accuracy::Tolerance(tolerance) => PAIR_SHARE * tolerance,
+            Accuracy::Order(_) => 0.0,
+        }
+    }
+
+    fn m2p_pairs(&self, level: usize) -> usize {
+        ENTRY_PAIRS * self.source_basis(level).skeleton.points.len()
+    }
+
+    fn p2l_pairs(&self, level: usize) -> usize {
+        ENTRY_PAIRS * self.target_basis(level).skeleton.points.len()
     }
 
     fn p2m(
@@ -288,59 +246,81 @@ impl<K: PointKernel> Expansion for Interpolation<K> {
         cell: &Cell<K::Real>,
         sources: &[K::Source],
         charges: &[K::Charge],
-        multipole: &mut [K::Column],
+        multipole: &mut [K::Entry],
     ) {
-        let mut weights = Weights::new(self.rule.len());
-        let mut density = vec![K::Column::zero(); K::DENSITIES];
-        for (y, q) in sources.iter().zip(charges) {
-            weights.set(&self.rule, cell.normalised(Located::position(y)));
-            self.kernel.density(y, q, &mut density);
-            for (terms, weight) in multipole.chunks_exact_mut(K::DENSITIES).zip(weights.products())
-            {
-                for (term, d) in terms.iter_mut().zip(&density) {
-                    term.add_scaled(K::Entry::from_real(weight), d);
+        let n = self.rule().len();
+        let basis = self.source_basis(cell.level());
+        self.scratch.with(|| Scratch::new(n), |scratch| {
+            scratch.set_points(cell, sources);
+            let Scratch { powers, points, numbers, arrays, columns, .. } = scratch;
+            let count = K::Column::WIDTH * Self::PARTS * K::DENSITIES;
+            reset(numbers, count * sources.len());
+            for (j, (y, q)) in sources.iter().zip(charges).enumerate() {
+                self.kernel.density(y, q, &mut columns[..K::DENSITIES]);
+                for array in 0..count {
+                    let [column, part, component] = indices::<K>(array, K::DENSITIES);
+                    let number = columns[component].column(column).parts()[part];
+                    numbers[array * sources.len() + j] = number;
                 }
             }
-        }
+            reset(arrays, count * n * row(n));
+            let own = n * row(n) * K::DENSITIES;
+            Arch::new().dispatch(|| {
+                powers.add_moments(points, numbers, arrays);
+                let rhs = multipole.chunks_exact_mut(basis.rank().max(1));
+                for (m, arrays) in rhs.zip(arrays.chunks_exact(own * Self::PARTS)) {
+                    let (re, im) = arrays.split_at(own);
+                    basis.add_moments(n, [re, if im.is_empty() { re } else { im }], m);
+                }
+            });
+        });
     }
 
     fn m2m(
         &self,
         child: &Cell<K::Real>,
         _parent: &Cell<K::Real>,
-        from: &[K::Column],
-        to: &mut [K::Column],
+        from: &[K::Entry],
+        to: &mut [K::Entry],
     ) {
-        self.shift(child, true, K::DENSITIES, from, to);
+        self.shift(child, false, from, to);
     }
 
     fn m2l(
         &self,
         source: &Cell<K::Real>,
         target: &Cell<K::Real>,
-        from: &[K::Column],
-        to: &mut [K::Column],
+        from: &[K::Entry],
+        to: &mut [K::Entry],
     ) {
-        let add = |column: &[K::Entry], density: &K::Column, to: &mut [K::Column]| {
-            for (term, &g) in to.iter_mut().zip(column) {
-                term.add_scaled(g, density);
+        if let Prepared::Invariant(invariant) = &self.prepared {
+            let (transfers, scale) = invariant.transfers(source.level(), source.half_width());
+            if transfers.add(source.offset_to(target), scale, from, to) {
+                return;
             }
+        }
+        self.m2l_by_kernel(source, target, from, to);
+    }
+
+    fn m2l_level(
+        &self,
+        level: &LevelPairs<'_, K::Real>,
+        multipoles: &[K::Entry],
+        locals: &mut [K::Entry],
+    ) {
+        let from = self.multipole_len(level.level);
+        let by_kernel = |s: usize, t: usize, local: &mut [K::Entry]| {
+            let multipole = &multipoles[s * from..][..from];
+            self.m2l_by_kernel(&level.sources[s], &level.targets[t], multipole, local);
         };
-        if let Some((matrix, scale)) = self.operator(source, target) {
-            let scale = K::Entry::from_real(scale);
-            for (column, density) in matrix.chunks_exact(to.len()).zip(from) {
-                let mut scaled = K::Column::zero();
-                scaled.add_scaled(scale, density);
-                add(column, &scaled, to);
+        let Some(half_width) = level.targets.first().map(Cell::half_width) else { return };
+        match &self.prepared {
+            Prepared::Everywhere(_) => level.for_each_pair(locals, by_kernel),
+            Prepared::Invariant(invariant) => {
+                let (transfers, scale) = invariant.transfers(level.level, half_width);
+                let columns = K::Column::WIDTH;
+                transfers.add_level(level, scale, columns, multipoles, locals, &by_kernel);
             }
-        } else {
-            let (y, x) = self.seen(source, target.centre());
-            let mut density = from.iter();
-            self.for_each_column(source.half_width(), x, y, |column| {
-                if let Some(density) = density.next() {
-                    add(column, density, to);
-                }
-            });
         }
     }
 
@@ -348,87 +328,71 @@ impl<K: PointKernel> Expansion for Interpolation<K> {
         &self,
         _parent: &Cell<K::Real>,
         child: &Cell<K::Real>,
-        from: &[K::Column],
-        to: &mut [K::Column],
+        from: &[K::Entry],
+        to: &mut [K::Entry],
     ) {
-        self.shift(child, false, K::FIELDS, from, to);
+        self.shift(child, true, from, to);
     }
 
     fn l2p(
         &self,
         cell: &Cell<K::Real>,
-        local: &[K::Column],
+        local: &[K::Entry],
         targets: &[K::Target],
         values: &mut [K::Value],
     ) {
-        let mut weights = Weights::new(self.rule.len());
-        let mut fields = vec![K::Column::zero(); K::FIELDS];
-        let mut gradients = vec![[K::Column::zero(); 3]; if K::GRADIENT { K::FIELDS } else { 0 }];
-        let per_length = K::Real::from_f64(1.0) / cell.half_width();
-        for (x, u) in targets.iter().zip(values) {
-            let position = cell.normalised(Located::position(x));
-            weights.set(&self.rule, position);
-            fields.fill(K::Column::zero());
-            for (terms, weight) in local.chunks_exact(K::FIELDS).zip(weights.products()) {
-                for (field, term) in fields.iter_mut().zip(terms) {
-                    field.add_scaled(K::Entry::from_real(weight), term);
+        let n = self.rule().len();
+        let basis = self.target_basis(cell.level());
+        self.scratch.with(|| Scratch::new(n), |scratch| {
+            scratch.set_points(cell, targets);
+            let Scratch { powers, points, numbers, arrays, columns, gradients, terms } = scratch;
+            let count = K::Column::WIDTH * Self::PARTS * K::FIELDS;
+            let derivatives = if K::GRADIENT { 4 } else { 1 };
+            reset(arrays, count * n * row(n));
+            reset(numbers, count * derivatives * targets.len());
+            let own = n * row(n) * K::FIELDS;
+            Arch::new().dispatch(|| {
+                let rhs = local.chunks_exact(basis.rank().max(1));
+                for (l, arrays) in rhs.zip(arrays.chunks_exact_mut(own * Self::PARTS)) {
+                    let (re, im) = arrays.split_at_mut(own);
+                    basis.add_coefficients(n, l, &mut terms[0], [re, im]);
                 }
-            }
-            if K::GRADIENT {
-                gradients.fill([K::Column::zero(); 3]);
-                for axis in 0..3 {
-                    weights.set(&self.rule, position);
-                    weights.differentiate(&self.rule, axis, position);
-                    for (terms, weight) in local.chunks_exact(K::FIELDS).zip(weights.products()) {
-                        let weight = K::Entry::from_real(weight * per_length);
-                        for (gradient, term) in gradients.iter_mut().zip(terms) {
-                            gradient[axis].add_scaled(weight, term);
+                powers.add_fields(points, arrays, K::GRADIENT, numbers);
+            });
+            let per_length = K::Real::from_f64(1.0) / cell.half_width();
+            for (i, (x, u)) in targets.iter().zip(values).enumerate() {
+                let number = |array: usize, derivative: usize| {
+                    numbers[(array * derivatives + derivative) * targets.len() + i]
+                };
+                for component in 0..K::FIELDS {
+                    for column in 0..K::Column::WIDTH {
+                        let at = |derivative| {
+                            let array = column * Self::PARTS * K::FIELDS + component;
+                            let im = array + (Self::PARTS - 1) * K::FIELDS;
+                            K::Entry::from_parts(number(array, derivative), number(im, derivative))
+                        };
+                        columns[component].set_column(column, at(0));
+                        if K::GRADIENT {
+                            for (axis, gradient) in gradients[component].iter_mut().enumerate() {
+                                let slope = at(1 + axis) * K::Entry::from_real(per_length);
+                                gradient.set_column(column, slope);
+                            }
                         }
                     }
                 }
+                self.kernel.value(x, &columns[..K::FIELDS], gradients, u);
             }
-            self.kernel.value(x, &fields, &gradients, u);
-        }
+        });
     }
 
     fn m2p(
         &self,
         cell: &Cell<K::Real>,
-        multipole: &[K::Column],
+        multipole: &[K::Entry],
         targets: &[K::Target],
         values: &mut [K::Value],
     ) -> Outcome {
-        let entries = K::FIELDS * K::DENSITIES;
-        let mut g = vec![<K::Entry as Additive>::zero(); entries];
-        let mut dg =
-            vec![[<K::Entry as Additive>::zero(); 3]; if K::GRADIENT { entries } else { 0 }];
-        let mut fields = vec![K::Column::zero(); K::FIELDS];
-        let mut gradients = vec![[K::Column::zero(); 3]; if K::GRADIENT { K::FIELDS } else { 0 }];
-        for (x, u) in targets.iter().zip(values) {
-            let (centre, position) = self.seen(cell, Located::position(x));
-            fields.fill(K::Column::zero());
-            gradients.fill([K::Column::zero(); 3]);
-            for (b, densities) in multipole.chunks_exact(K::DENSITIES).enumerate() {
-                let node = centre + self.rule.grid_node(b) * cell.half_width();
-                self.kernel.entries(position, node, &mut g);
-                if K::GRADIENT
-                    && self.kernel.entry_gradients(position, node, &mut dg) == Outcome::Declined
-                {
-                    return Outcome::Declined;
-                }
-                for (k, &entry) in g.iter().enumerate() {
-                    fields[k / K::DENSITIES].add_scaled(entry, &densities[k % K::DENSITIES]);
-                }
-                for (k, gradient) in dg.iter().enumerate() {
-                    for (axis, &entry) in gradient.iter().enumerate() {
-                        let density = &densities[k % K::DENSITIES];
-                        gradients[k / K::DENSITIES][axis].add_scaled(entry, density);
-                    }
-                }
-            }
-            self.kernel.value(x, &fields, &gradients, u);
-        }
-        Outcome::Done
+        self.m2p_by_kernel(cell, multipole, targets, values)
     }
 
     fn p2l(
@@ -436,31 +400,32 @@ impl<K: PointKernel> Expansion for Interpolation<K> {
         cell: &Cell<K::Real>,
         sources: &[K::Source],
         charges: &[K::Charge],
-        local: &mut [K::Column],
+        local: &mut [K::Entry],
     ) -> Outcome {
-        let mut g = vec![<K::Entry as Additive>::zero(); K::FIELDS * K::DENSITIES];
-        let mut density = vec![K::Column::zero(); K::DENSITIES];
-        for (y, q) in sources.iter().zip(charges) {
-            self.kernel.density(y, q, &mut density);
-            let (centre, position) = self.seen(cell, Located::position(y));
-            for (a, terms) in local.chunks_exact_mut(K::FIELDS).enumerate() {
-                let node = centre + self.rule.grid_node(a) * cell.half_width();
-                self.kernel.entries(node, position, &mut g);
-                for (k, &entry) in g.iter().enumerate() {
-                    terms[k / K::DENSITIES].add_scaled(entry, &density[k % K::DENSITIES]);
-                }
-            }
-        }
+        self.p2l_by_kernel(cell, sources, charges, local);
         Outcome::Done
     }
+}
+
+/// Zeros, `len` of them.
+fn reset<V: Additive>(numbers: &mut Vec<V>, len: usize) {
+    numbers.clear();
+    numbers.resize(len, V::zero());
+}
+
+/// Column, part and component of an array.
+#[inline(always)]
+fn indices<K: PointKernel>(array: usize, components: usize) -> [usize; 3] {
+    let parts = Interpolation::<K>::PARTS;
+    [array / components / parts, array / components % parts, array % components]
 }
 
 impl<K: PointKernel> fmt::Debug for Interpolation<K> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Interpolation")
             .field("accuracy", &self.accuracy)
-            .field("nodes_per_axis", &self.rule.len())
-            .field("translation_invariant", &self.translation_invariant)
+            .field("nodes_per_axis", &self.nodes_per_axis())
+            .field("measured_error", &self.measured_error())
             .finish_non_exhaustive()
     }
 }

@@ -5,7 +5,7 @@ use std::marker::PhantomData;
 
 use rayon::prelude::*;
 
-use crate::real::{Additive, Linear, Located, Point, Real, Scalar};
+use crate::real::{Additive, Columns, Linear, Located, Point, Real, Scalar};
 
 /// The sum's kernel: u(x) += K(x, y) q, linear in q.
 ///
@@ -60,7 +60,7 @@ pub trait PointKernel: Kernel {
     /// The number type of G's entries: real or complex.
     type Entry: Scalar<Real = Self::Real>;
     /// One component of all right-hand sides together: `T`, `[T; 3]`, `Complex<T>`, …
-    type Column: Linear<Self::Entry>;
+    type Column: Columns<Self::Entry>;
     /// Columns of G: how many densities a source has.
     const DENSITIES: usize;
     /// Rows of G: how many fields a target sees.
@@ -180,7 +180,7 @@ where
     F: Fn(P, P) -> V + Send + Sync,
     V: Scalar<Real: Real<Vector = P>>,
     P: Located<Real = V::Real> + Copy + PartialEq,
-    C: Linear<V> + Linear<V::Real>,
+    C: Columns<V> + Linear<V::Real>,
 {
     type Entry = V;
     type Column = C;

@@ -41,10 +41,12 @@
 
 // Each module imports only from those above it.
 mod error;
+mod dense;
 mod real;
 mod geometry;
 mod kernel;
 mod expansion;
+mod pool;
 mod chebyshev;
 mod probe;
 mod interpolation;
@@ -67,4 +69,4 @@ pub use interpolation::{Interpolation, MAX_ORDER};
 pub use kernel::{FnKernel, Kernel, Outcome, PointKernel, direct, from_fn, relative_l2_error};
 pub use mask::{CellView, Coverage, Mask, Unmasked, direct_masked};
 pub use passes::Scheme;
-pub use real::{Additive, Linear, Located, Point, Real, Scalar, Vector};
+pub use real::{Additive, Columns, Linear, Located, Point, Real, Scalar, Vector};

@@ -2,90 +2,210 @@
 
 use num_traits::Float;
 
-use crate::chebyshev::{Chebyshev, Weights};
-use crate::expansion::Level;
 use crate::geometry::Cube;
-use crate::kernel::PointKernel;
 use crate::real::{Additive, Point, Real, Scalar, Vector};
 
-/// Sample points per cell.
+/// The matrix G(x, y) of a point kernel, with its kernel's type forgotten: what set-up works on.
+pub(crate) struct Formula<'a, S: Scalar> {
+    /// Rows of G.
+    pub(crate) fields: usize,
+    /// Columns of G.
+    pub(crate) densities: usize,
+    entries: &'a Entries<'a, S>,
+    transposed: bool,
+}
+
+/// Writes G(x, y), row after row.
+type Entries<'a, S> = dyn Fn(PointOf<S>, PointOf<S>, &mut [S]) + Sync + 'a;
+
+/// A point in the precision of `S`.
+pub(crate) type PointOf<S> = Point<<S as Scalar>::Real>;
+
+impl<'a, S: Scalar> Formula<'a, S> {
+    pub(crate) fn new(fields: usize, densities: usize, entries: &'a Entries<'a, S>) -> Self {
+        Self { fields, densities, entries, transposed: false }
+    }
+
+    /// The kernel G(y, x)ᵀ: what sources are to targets and targets to sources.
+    pub(crate) fn transpose(&self) -> Self {
+        let (fields, densities) = (self.densities, self.fields);
+        Self { fields, densities, entries: self.entries, transposed: !self.transposed }
+    }
+
+    /// Writes the matrix at (x, y), row after row.
+    pub(crate) fn write(&self, x: PointOf<S>, y: PointOf<S>, g: &mut [S]) {
+        if !self.transposed {
+            return (self.entries)(x, y, g);
+        }
+        (self.entries)(y, x, g);
+        if self.fields * self.densities > 1 {
+            let original = g.to_vec();
+            for (k, entry) in g.iter_mut().enumerate() {
+                *entry = original[k % self.densities * self.fields + k / self.densities];
+            }
+        }
+    }
+
+    pub(crate) fn at(&self, x: PointOf<S>, y: PointOf<S>) -> Vec<S> {
+        let mut g = vec![zero::<S>(); self.fields * self.densities];
+        self.write(x, y, &mut g);
+        g
+    }
+}
+
+/// Sample pairs per question.
 const SAMPLES: usize = 12;
 
-/// Far fields smaller than this fraction of what neighbouring cells exchange are held to its level,
-/// not to their own: a kernel that has died out needs no digits.
-const NEAR_FRACTION: f64 = 0.1;
-
 /// Whether K(x + s, y + s) = K(x, y) to round-off for sample pairs and shifts within `root`.
-pub(crate) fn translation_invariant<K: PointKernel>(kernel: &K, root: &Cube<K::Real>) -> bool {
-    let len = K::FIELDS * K::DENSITIES;
-    let (mut here, mut there) = (vec![zero::<K>(); len], vec![zero::<K>(); len]);
+pub(crate) fn translation_invariant<S: Scalar>(kernel: &Formula<'_, S>, root: &Cube<S::Real>) -> bool {
     let h = root.half_width();
-    let tolerance = <K::Real as Float>::epsilon().as_f64().sqrt();
+    let tolerance = <S::Real as Float>::epsilon().as_f64().sqrt();
     (0..SAMPLES).all(|i| {
-        let [x, y, shift] = [3 * i, 3 * i + 1, 3 * i + 2].map(|k| sample::<K::Real>(k) * h);
+        let [x, y, shift] = [3 * i, 3 * i + 1, 3 * i + 2].map(|k| sample::<S::Real>(k) * h);
         let (x, y) = (root.centre() + x, root.centre() + y);
-        kernel.entries(x, y, &mut here);
-        kernel.entries(x + shift, y + shift, &mut there);
-        let (mut difference, mut size) = (0.0f64, 0.0f64);
-        for (&a, &b) in here.iter().zip(&there) {
-            difference += (a - b).norm_squared();
-            size += a.norm_squared() + b.norm_squared();
-        }
-        difference.sqrt() <= tolerance * size.sqrt()
+        agree(&kernel.at(x, y), &kernel.at(x + shift, y + shift), tolerance)
     })
 }
 
 /// The degree α with K(s x, s y) = s^α K(x, y) for all sample pairs and s = 2, 4, to round-off, if there
 /// is one. Assumes translation invariance.
-pub(crate) fn homogeneity<K: PointKernel>(kernel: &K, root: &Cube<K::Real>) -> Option<f64> {
+pub(crate) fn homogeneity<S: Scalar>(kernel: &Formula<'_, S>, root: &Cube<S::Real>) -> Option<f64> {
     let h = root.half_width();
-    let tolerance = <K::Real as Float>::epsilon().as_f64().sqrt();
-    let entries = |d: Point<K::Real>, scale: f64| {
-        let mut g = vec![zero::<K>(); K::FIELDS * K::DENSITIES];
-        kernel.entries(d * K::Real::from_f64(scale), Point::<K::Real>::default(), &mut g);
-        g
+    let entries = |d: PointOf<S>, scale: f64| {
+        kernel.at(d * S::Real::from_f64(scale), PointOf::<S>::default())
     };
-    let differences = || (0..SAMPLES).map(|i| sample::<K::Real>(i) * h);
+    let differences = || (0..SAMPLES).map(|i| sample::<S::Real>(i) * h);
     let first = differences().next()?;
     let degree =
         0.5 * (norm_squared(&entries(first, 2.0)) / norm_squared(&entries(first, 1.0))).log2();
+    // Degrees of formulas are simple fractions; the nearest one has no rounding of its own.
+    let degree = (degree * 840.0).round() / 840.0;
     let holds = |d| {
-        let here = entries(d, 1.0);
         [2.0f64, 4.0].into_iter().all(|scale| {
-            let factor = K::Entry::from_real(K::Real::from_f64(scale.powf(degree)));
-            let there = entries(d, scale);
-            let deviation: Vec<_> =
-                here.iter().zip(&there).map(|(&a, &b)| b - factor * a).collect();
-            norm_squared(&deviation) <= tolerance * tolerance * norm_squared(&there)
+            let factor = S::from_real(S::Real::from_f64(scale.powf(degree)));
+            let scaled: Vec<S> = entries(d, 1.0).into_iter().map(|g| factor * g).collect();
+            agree(&scaled, &entries(d, scale), round_off::<S>())
         })
     };
     (degree.is_finite() && differences().all(holds)).then_some(degree)
 }
 
-/// The largest relative error, over levels and directions, of interpolating the kernel between cells
-/// that are barely well separated: what a pair of cells at integer distance 2 along an axis loses.
-pub(crate) fn interpolation_error<K: PointKernel>(
-    kernel: &K,
-    rule: &Chebyshev<K::Real>,
-    root: &Cube<K::Real>,
-    levels: &[Level<K::Real>],
-) -> f64 {
-    let mut worst = 0.0f64;
-    for level in levels {
-        for axis in 0..3 {
-            for sign in [-1.0, 1.0] {
-                let mut direction = [0.0; 3];
-                direction[axis] = sign;
-                let pair = Pair { kernel, rule, root, direction };
-                worst = worst.max(pair.error(level.half_width));
+/// Whether G(x, y) = G(y, x)ᵀ to round-off for sample pairs. Assumes translation invariance.
+pub(crate) fn symmetric<S: Scalar>(kernel: &Formula<'_, S>, half_width: S::Real) -> bool {
+    kernel.fields == kernel.densities
+        && differences::<S>(half_width).all(|d| {
+            let origin = PointOf::<S>::default();
+            agree(&kernel.at(d, origin), &kernel.transpose().at(d, origin), round_off::<S>())
+        })
+}
+
+/// How a kernel behaves under the reflections of the axes.
+///
+/// Bit a of `fields[i]` ⊕ `densities[j]` tells whether entry (i, j) changes its sign when both points are
+/// reflected along axis a.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Parities {
+    pub(crate) fields: Vec<u8>,
+    pub(crate) densities: Vec<u8>,
+}
+
+/// The parities of a kernel whose entries change nothing but their signs under reflections, to
+/// round-off for sample pairs. Assumes translation invariance.
+pub(crate) fn parities<S: Scalar>(
+    kernel: &Formula<'_, S>,
+    half_width: S::Real,
+) -> Option<Parities> {
+    let mut parities = Parities { fields: vec![0; kernel.fields], densities: vec![0; kernel.densities] };
+    for axis in 0..3 {
+        let signs = signs_under_reflection(kernel, half_width, axis)?;
+        let Parities { fields, densities } = &mut parities;
+        split_signs(&signs, axis, fields, densities)?;
+    }
+    Some(parities)
+}
+
+/// For each entry, whether it changes sign; none where it vanishes everywhere.
+fn signs_under_reflection<S: Scalar>(
+    kernel: &Formula<'_, S>,
+    half_width: S::Real,
+    axis: usize,
+) -> Option<Vec<Option<bool>>> {
+    let mut signs = vec![None; kernel.fields * kernel.densities];
+    for d in differences::<S>(half_width) {
+        let mut reflected = d.to_array();
+        reflected[axis] = -reflected[axis];
+        let here = kernel.at(d, PointOf::<S>::default());
+        let there = kernel.at(PointOf::<S>::from_array(reflected), PointOf::<S>::default());
+        let size = norm_squared(&here).sqrt();
+        for ((sign, &a), &b) in signs.iter_mut().zip(&here).zip(&there) {
+            let small = |deviation: S| {
+                Additive::norm_squared(&deviation).sqrt() <= round_off::<S>() * size
+            };
+            let changes = match (small(a - b), small(a + b)) {
+                (true, true) => continue,
+                (true, false) => false,
+                (false, true) => true,
+                (false, false) => return None,
+            };
+            if sign.replace(changes).is_some_and(|before| before != changes) {
+                return None;
             }
         }
     }
-    worst
+    Some(signs)
+}
+
+/// Writes signs f_i ⊕ g_j into bit `axis` of fields and densities, if they are of that form.
+fn split_signs(
+    signs: &[Option<bool>],
+    axis: usize,
+    fields: &mut [u8],
+    densities: &mut [u8],
+) -> Option<()> {
+    let (rows, columns) = (fields.len(), densities.len());
+    let mut known: Vec<Option<bool>> = vec![None; rows + columns];
+    for start in 0..rows + columns {
+        if known[start].is_some() {
+            continue;
+        }
+        known[start] = Some(false);
+        let mut open = vec![start];
+        while let Some(a) = open.pop() {
+            let others = if a < rows { rows..rows + columns } else { 0..rows };
+            for b in others {
+                let (i, j) = (a.min(b), a.max(b) - rows);
+                let Some(changes) = signs[i * columns + j] else { continue };
+                let implied = known[a].is_some_and(|sign| sign != changes);
+                match known[b] {
+                    Some(sign) if sign != implied => return None,
+                    Some(_) => {}
+                    None => {
+                        known[b] = Some(implied);
+                        open.push(b);
+                    }
+                }
+            }
+        }
+    }
+    for (parity, sign) in fields.iter_mut().chain(densities).zip(known) {
+        *parity |= u8::from(sign == Some(true)) << axis;
+    }
+    Some(())
+}
+
+/// Differences between points of well-separated cells.
+fn differences<S: Scalar>(half_width: S::Real) -> impl Iterator<Item = PointOf<S>> {
+    let far = PointOf::<S>::from_array([5.0, -3.0, 4.0].map(S::Real::from_f64));
+    (0..SAMPLES).map(move |i| {
+        let signs: [f64; 3] = std::array::from_fn(|k| if i >> k & 1 == 0 { 1.0 } else { -1.0 });
+        let d = (far + sample::<S::Real>(i)).to_array();
+        let d: [S::Real; 3] = std::array::from_fn(|k| d[k] * S::Real::from_f64(signs[k]));
+        PointOf::<S>::from_array(d) * half_width
+    })
 }
 
 /// The i-th point of a low-discrepancy sequence in [−1, 1]³ (Roberts' R₃).
-fn sample<T: Real>(i: usize) -> Point<T> {
+pub(crate) fn sample<T: Real>(i: usize) -> Point<T> {
     const STEPS: [f64; 3] =
         [0.819_172_513_396_164_4, 0.671_043_606_703_789_3, 0.549_700_477_901_970_3];
     Point::<T>::from_array(
@@ -93,125 +213,103 @@ fn sample<T: Real>(i: usize) -> Point<T> {
     )
 }
 
-/// A source cell at the root's centre and a target cell some cells away along an axis.
-struct Pair<'a, K: PointKernel> {
-    kernel: &'a K,
-    rule: &'a Chebyshev<K::Real>,
-    root: &'a Cube<K::Real>,
-    direction: [f64; 3],
+/// What a short formula may lose to rounding.
+fn round_off<S: Scalar>() -> f64 {
+    <S::Real as Float>::epsilon().as_f64().powf(0.8)
 }
 
-impl<K: PointKernel> Pair<'_, K> {
-    fn error(&self, half_width: K::Real) -> f64 {
-        let cell = self.root.centre();
-        let far = cell + self.step(4.0, half_width);
-        let points = |centre, first| -> Vec<_> {
-            (first..first + SAMPLES).map(|i| centre + sample::<K::Real>(i) * half_width).collect()
-        };
-        let (ys, xs) = (points(cell, 0), points(far, SAMPLES));
-        let len = K::FIELDS * K::DENSITIES;
-        let (mut g, mut difference) = (vec![zero::<K>(); len], vec![zero::<K>(); len]);
-        let (mut errors, mut size) = (0.0f64, 0.0f64);
-        for (p_is_target, centre, points, others) in
-            [(false, cell, &ys, &xs), (true, far, &xs, &ys)]
-        {
-            let entries = |p, o, g: &mut [K::Entry]| match p_is_target {
-                true => self.kernel.entries(p, o, g),
-                false => self.kernel.entries(o, p, g),
-            };
-            let nodes = self.nodes(centre, half_width);
-            for (i, &p) in points.iter().enumerate() {
-                let weights = self.weights(if p_is_target { i + SAMPLES } else { i });
-                for &o in others {
-                    entries(p, o, &mut difference);
-                    size += 0.5 * norm_squared(&difference);
-                    for (&node, &weight) in nodes.iter().zip(&weights) {
-                        entries(node, o, &mut g);
-                        for (d, &g) in difference.iter_mut().zip(&g) {
-                            *d -= g * K::Entry::from_real(weight);
-                        }
-                    }
-                    errors += norm_squared(&difference);
-                }
-            }
-        }
-        self.kernel.entries(cell + self.step(2.0, half_width), cell, &mut g);
-        let pairs = (SAMPLES * SAMPLES) as f64;
-        let size = (size / pairs).sqrt().max(NEAR_FRACTION * norm_squared(&g).sqrt());
-        if errors == 0.0 { 0.0 } else { (errors / pairs).sqrt() / size }
-    }
-
-    fn step(&self, half_widths: f64, half_width: K::Real) -> Point<K::Real> {
-        let direction = self.direction.map(|d| K::Real::from_f64(half_widths * d));
-        Point::<K::Real>::from_array(direction) * half_width
-    }
-
-    /// Weights of all n³ nodes at the i-th sample point.
-    fn weights(&self, i: usize) -> Vec<K::Real> {
-        let mut weights = Weights::new(self.rule.len());
-        weights.set(self.rule, sample::<K::Real>(i));
-        weights.products().collect()
-    }
-
-    fn nodes(&self, centre: Point<K::Real>, half_width: K::Real) -> Vec<Point<K::Real>> {
-        let node = |k| centre + self.rule.grid_node(k) * half_width;
-        (0..self.rule.len().pow(3)).map(node).collect()
-    }
+fn agree<S: Scalar>(a: &[S], b: &[S], tolerance: f64) -> bool {
+    let difference: f64 = a.iter().zip(b).map(|(&a, &b)| Additive::norm_squared(&(a - b))).sum();
+    difference.sqrt() <= tolerance * (norm_squared(a) + norm_squared(b)).sqrt()
 }
 
-fn zero<K: PointKernel>() -> K::Entry {
-    <K::Entry as Additive>::zero()
+pub(crate) fn zero<S: Scalar>() -> S {
+    <S as Additive>::zero()
 }
 
-fn norm_squared<S: Scalar>(g: &[S]) -> f64 {
+pub(crate) fn norm_squared<S: Scalar>(g: &[S]) -> f64 {
     g.iter().map(Additive::norm_squared).sum()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kernel::from_fn;
     use glam::DVec3;
 
-    fn error<K: PointKernel<Real = f64>>(kernel: &K, n: usize, half_width: f64) -> f64 {
-        let root = Cube::new(DVec3::ZERO, 4.0 * half_width);
-        let levels = [Level { level: 2, half_width, offsets: vec![] }];
-        interpolation_error(kernel, &Chebyshev::new(n), &root, &levels)
+    /// Asks a question about a scalar formula.
+    macro_rules! ask {
+        ($f:expr, $question:expr) => {{
+            let f: fn(DVec3, DVec3) -> f64 = $f;
+            let entries = |x: DVec3, y: DVec3, g: &mut [f64]| g[0] = f(x, y);
+            $question(&Formula::new(1, 1, &entries))
+        }};
+    }
+
+    fn inverse(x: DVec3, y: DVec3) -> f64 {
+        1.0 / x.distance(y)
+    }
+
+    fn skew(x: DVec3, y: DVec3) -> f64 {
+        let d = x - y;
+        (-(d.length_squared() + 0.3 * d.x * d.y + 0.1 * d.z)).exp()
     }
 
     #[test]
     fn invariance_is_seen_and_its_absence_too() {
         let root = Cube::new(DVec3::new(3.0, 0.0, -1.0), 2.0);
-        let invariant = from_fn(|x: DVec3, y: DVec3| (x - y).x.exp());
-        assert!(translation_invariant(&invariant, &root));
-        let variant = from_fn(|x: DVec3, y: DVec3| (x - y).x.exp() * (1.0 + 1e-3 * x.y));
-        assert!(!translation_invariant(&variant, &root));
+        assert!(ask!(|x, y| (x - y).x.exp(), |k: &_| translation_invariant(k, &root)));
+        let variant = |x: DVec3, y: DVec3| (x - y).x.exp() * (1.0 + 1e-3 * x.y);
+        assert!(!ask!(variant, |k: &_| translation_invariant(k, &root)));
     }
 
     #[test]
     fn homogeneity_is_seen_and_its_absence_too() {
         let root = Cube::new(DVec3::ZERO, 2.0);
-        let cubic = from_fn(|x: DVec3, y: DVec3| (x - y).x / x.distance(y).powi(4));
-        approx::assert_relative_eq!(homogeneity(&cubic, &root).unwrap(), -3.0, epsilon = 1e-12);
-        let yukawa = from_fn(|x: DVec3, y: DVec3| (-1e-3 * x.distance(y)).exp() / x.distance(y));
-        assert_eq!(homogeneity(&yukawa, &root), None);
-        let zero = from_fn(|_: DVec3, _: DVec3| 0.0);
-        assert_eq!(homogeneity(&zero, &root), None);
+        let degree = |k: &_| homogeneity(k, &root);
+        assert_eq!(ask!(|x, y| (x - y).x / x.distance(y).powi(4), degree), Some(-3.0));
+        assert_eq!(ask!(|x, y| x.distance(y).powf(0.25), degree), Some(0.25));
+        let yukawa = |x: DVec3, y: DVec3| (-1e-9 * x.distance(y)).exp() / x.distance(y);
+        assert_eq!(ask!(yukawa, degree), None);
+        assert_eq!(ask!(|_, _| 0.0, degree), None);
     }
 
     #[test]
-    fn the_error_falls_with_the_order_and_vanishes_for_polynomials() {
-        let inverse = from_fn(|x: DVec3, y: DVec3| 1.0 / x.distance(y));
-        let error_at = |n| error(&inverse, n, 0.5);
-        let [three, six, nine] = [3, 6, 9].map(error_at);
-        assert!(three < 0.1 && six < 1e-2 * three && nine < 1e-2 * six);
-        let squared = from_fn(|x: DVec3, y: DVec3| x.distance_squared(y));
-        assert!(error(&squared, 3, 0.5) < 1e-14);
+    fn symmetry_is_seen_and_its_absence_too() {
+        assert!(ask!(inverse, |k: &_| symmetric(k, 0.3)));
+        assert!(!ask!(skew, |k: &_| symmetric(k, 0.3)));
+        let one_sided = |x: DVec3, y: DVec3, g: &mut [f64]| g.copy_from_slice((x - y).as_ref());
+        assert!(!symmetric(&Formula::new(3, 1, &one_sided), 0.3));
     }
 
     #[test]
-    fn a_kernel_that_has_died_out_needs_no_digits() {
-        let gaussian = from_fn(|x: DVec3, y: DVec3| (-x.distance_squared(y)).exp());
-        assert!(error(&gaussian, 2, 50.0) < 1e-6);
+    fn parities_are_seen_and_their_absence_too() {
+        let even = Some(Parities { fields: vec![0], densities: vec![0] });
+        assert_eq!(ask!(inverse, |k: &_| parities(k, 0.3)), even);
+        assert_eq!(ask!(skew, |k: &_| parities(k, 0.3)), None);
+        let odd_in_x = ask!(|x, y| (x - y).x / x.distance(y), |k: &_| parities(k, 0.3)).unwrap();
+        assert_eq!(odd_in_x.fields[0] ^ odd_in_x.densities[0], 0b001);
+        let tensor = |x: DVec3, y: DVec3, g: &mut [f64]| {
+            let d = x - y;
+            for (k, g) in g.iter_mut().enumerate() {
+                *g = d[k / 3] * d[k % 3];
+            }
+        };
+        let found = parities(&Formula::new(3, 3, &tensor), 0.3).unwrap();
+        for (i, f) in found.fields.iter().enumerate() {
+            for (j, d) in found.densities.iter().enumerate() {
+                assert_eq!(f ^ d, 1 << i ^ 1 << j);
+            }
+        }
+    }
+
+    #[test]
+    fn the_transpose_swaps_points_and_components() {
+        let entries = |x: DVec3, y: DVec3, g: &mut [f64]| {
+            g.copy_from_slice(&[x.x, x.y, y.x, y.y, x.z, y.z]);
+        };
+        let kernel = Formula::new(2, 3, &entries);
+        let (x, y) = (DVec3::new(1.0, 2.0, 3.0), DVec3::new(4.0, 5.0, 6.0));
+        assert_eq!(kernel.at(y, x), [4.0, 5.0, 1.0, 2.0, 6.0, 3.0]);
+        assert_eq!(kernel.transpose().at(x, y), [4.0, 2.0, 5.0, 6.0, 1.0, 3.0]);
     }
 }

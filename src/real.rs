@@ -8,6 +8,8 @@ use glam::{DVec3, Vec3};
 use num_complex::Complex;
 use num_traits::{Float, FloatConst, NumAssign};
 
+use crate::dense::Dense;
+
 /// A type that can be added and subtracted: charges, values, multipole and local terms.
 pub trait Additive: Copy + Debug + Send + Sync + 'static {
     /// The neutral element of addition.
@@ -24,19 +26,38 @@ pub trait Additive: Copy + Debug + Send + Sync + 'static {
 
 /// An [`Additive`] type that can be scaled by `S`: a vector space over `S`.
 ///
-/// Numbers, complex numbers, glam vectors and arrays of any of them are linear; arrays are how one
-/// sum carries several right-hand sides at once, such as the bands of a spectrum.
+/// Numbers, complex numbers, glam vectors and arrays of any of them are linear.
 pub trait Linear<S>: Additive {
     /// `self += scale · other`.
     fn add_scaled(&mut self, scale: S, other: &Self);
 }
 
-/// The number type that a kernel's entries have: a real number or a complex one.
-pub trait Scalar: Linear<Self> + NumAssign + Neg<Output = Self> {
+/// A fixed number of independent right-hand sides, each a number of type `S`.
+///
+/// Numbers, complex numbers, glam vectors and arrays of any of them qualify.
+pub trait Columns<S>: Linear<S> {
+    /// How many.
+    const WIDTH: usize;
+    /// The number in one of them.
+    fn column(&self, index: usize) -> S;
+    /// Puts a number into one of them.
+    fn set_column(&mut self, index: usize, number: S);
+}
+
+/// The number type that a kernel's entries have: f32, f64 or a complex number over them.
+pub trait Scalar: Columns<Self> + NumAssign + Neg<Output = Self> + Dense {
     /// The real precision underneath.
     type Real: Real;
+    /// Whether there is an imaginary part.
+    const COMPLEX: bool;
     /// The scalar with the given real part and no imaginary part.
     fn from_real(x: Self::Real) -> Self;
+    /// The scalar with the given parts; a real number drops the imaginary one.
+    fn from_parts(re: Self::Real, im: Self::Real) -> Self;
+    /// The real and the imaginary part.
+    fn parts(self) -> [Self::Real; 2];
+    /// The complex conjugate; a real number is its own.
+    fn conjugate(self) -> Self;
     /// Absolute value.
     fn modulus(self) -> Self::Real;
 }
@@ -133,11 +154,36 @@ macro_rules! real {
             }
         }
 
+        impl Columns<$t> for $t {
+            const WIDTH: usize = 1;
+            #[inline(always)]
+            fn column(&self, _: usize) -> $t {
+                *self
+            }
+            #[inline(always)]
+            fn set_column(&mut self, _: usize, number: $t) {
+                *self = number;
+            }
+        }
+
         impl Scalar for $t {
             type Real = $t;
+            const COMPLEX: bool = false;
             #[inline(always)]
             fn from_real(x: $t) -> Self {
                 x
+            }
+            #[inline(always)]
+            fn from_parts(re: $t, _: $t) -> Self {
+                re
+            }
+            #[inline(always)]
+            fn parts(self) -> [$t; 2] {
+                [self, 0.0]
+            }
+            #[inline(always)]
+            fn conjugate(self) -> Self {
+                self
             }
             #[inline(always)]
             fn modulus(self) -> $t {
@@ -161,6 +207,55 @@ macro_rules! real {
             #[inline(always)]
             fn add_scaled(&mut self, scale: $t, other: &Self) {
                 *self += other * scale;
+            }
+        }
+
+        impl Columns<$t> for Complex<$t> {
+            const WIDTH: usize = 2;
+            #[inline(always)]
+            fn column(&self, index: usize) -> $t {
+                if index == 0 { self.re } else { self.im }
+            }
+            #[inline(always)]
+            fn set_column(&mut self, index: usize, number: $t) {
+                *(if index == 0 { &mut self.re } else { &mut self.im }) = number;
+            }
+        }
+
+        impl Columns<$t> for $vector {
+            const WIDTH: usize = 3;
+            #[inline(always)]
+            fn column(&self, index: usize) -> $t {
+                self[index]
+            }
+            #[inline(always)]
+            fn set_column(&mut self, index: usize, number: $t) {
+                self[index] = number;
+            }
+        }
+
+        impl Scalar for Complex<$t> {
+            type Real = $t;
+            const COMPLEX: bool = true;
+            #[inline(always)]
+            fn from_real(x: $t) -> Self {
+                Complex::new(x, 0.0)
+            }
+            #[inline(always)]
+            fn from_parts(re: $t, im: $t) -> Self {
+                Complex::new(re, im)
+            }
+            #[inline(always)]
+            fn parts(self) -> [$t; 2] {
+                [self.re, self.im]
+            }
+            #[inline(always)]
+            fn conjugate(self) -> Self {
+                self.conj()
+            }
+            #[inline(always)]
+            fn modulus(self) -> $t {
+                self.norm()
             }
         }
 
@@ -252,15 +347,15 @@ impl<T: Real> Linear<Complex<T>> for Complex<T> {
     }
 }
 
-impl<T: Real> Scalar for Complex<T> {
-    type Real = T;
+impl<T: Real> Columns<Complex<T>> for Complex<T> {
+    const WIDTH: usize = 1;
     #[inline(always)]
-    fn from_real(x: T) -> Self {
-        Complex::new(x, <T as Additive>::zero())
+    fn column(&self, _: usize) -> Complex<T> {
+        *self
     }
     #[inline(always)]
-    fn modulus(self) -> T {
-        self.norm()
+    fn set_column(&mut self, _: usize, number: Complex<T>) {
+        *self = number;
     }
 }
 
@@ -297,6 +392,18 @@ impl<S: Copy, V: Linear<S>, const N: usize> Linear<S> for [V; N] {
         for (a, b) in self.iter_mut().zip(other) {
             a.add_scaled(scale, b);
         }
+    }
+}
+
+impl<S: Copy, V: Columns<S>, const N: usize> Columns<S> for [V; N] {
+    const WIDTH: usize = N * V::WIDTH;
+    #[inline(always)]
+    fn column(&self, index: usize) -> S {
+        self[index / V::WIDTH].column(index % V::WIDTH)
+    }
+    #[inline(always)]
+    fn set_column(&mut self, index: usize, number: S) {
+        self[index / V::WIDTH].set_column(index % V::WIDTH, number);
     }
 }
 

@@ -17,7 +17,7 @@ const ACCURACY: f64 = 5e-4;
 
 /// A plan over the surfels themselves, exact to [`ACCURACY`], with leaves small enough for the far field to
 /// matter. The order is given, since what it takes to reach a tolerance is tested elsewhere.
-fn plan<C: farfield::Linear<f64>>(
+fn plan<C: farfield::Columns<f64>>(
     surfels: &[Surfel],
     mask: &impl Mask<Irradiance<f64, C>>,
 ) -> Plan<C> {

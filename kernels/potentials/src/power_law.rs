@@ -3,7 +3,7 @@
 use std::fmt;
 use std::marker::PhantomData;
 
-use farfield::{Additive, Kernel, Linear, Outcome, Point, PointKernel, Real, Vector};
+use farfield::{Additive, Columns, Kernel, Linear, Outcome, Point, PointKernel, Real, Vector};
 
 use crate::exponent::{Exponent, MinusFour, MinusOne, MinusTwo, PlusTwo};
 use crate::output::{Output, Potential, WithGradient};
@@ -131,7 +131,7 @@ impl<E: Exponent, T: Real, C: Linear<T>, O: Output<T, C>> Kernel for PowerLaw<E,
     }
 }
 
-impl<E: Exponent, T: Real, C: Linear<T>, O: Output<T, C>> PointKernel for PowerLaw<E, T, C, O> {
+impl<E: Exponent, T: Real, C: Columns<T>, O: Output<T, C>> PointKernel for PowerLaw<E, T, C, O> {
     type Entry = T;
     type Column = C;
     const DENSITIES: usize = 1;

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::marker::PhantomData;
 
-use farfield::{Kernel, Linear, Point, PointKernel, Real, Vector};
+use farfield::{Columns, Kernel, Linear, Point, PointKernel, Real, Vector};
 
 use crate::surfel::{Projections, Surfel};
 
@@ -86,7 +86,7 @@ impl<T: Real, C: Linear<T>> Kernel for Irradiance<T, C> {
     }
 }
 
-impl<T: Real, C: Linear<T>> PointKernel for Irradiance<T, C> {
+impl<T: Real, C: Columns<T>> PointKernel for Irradiance<T, C> {
     type Entry = T;
     type Column = C;
     const DENSITIES: usize = 3;

@@ -1,0 +1,61 @@
+//! Operators of kernels that were met before: they do not depend on the points.
+
+use std::any::Any;
+use std::hash::{DefaultHasher, Hash, Hasher};
+use std::sync::{Arc, Mutex};
+
+use crate::interpolation::far_field::FarField;
+use crate::interpolation::operators::{Accuracy, Operators, Sizes};
+use crate::probe::Formula;
+use crate::real::{Real, Scalar};
+
+/// What a kernel is known by: its type, and its values at sample points of every level, so that two
+/// kernels of one type with different parameters are told apart.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Key {
+    kernel: &'static str,
+    accuracy: Accuracy,
+    half_widths: Vec<u64>,
+    fingerprint: u64,
+}
+
+/// How many sets of operators are remembered.
+const CAPACITY: usize = 24;
+
+static CACHE: Mutex<Vec<(Key, Arc<dyn Any + Send + Sync>)>> = Mutex::new(Vec::new());
+
+impl Key {
+    pub(crate) fn new<S: Scalar>(
+        kernel_type: &'static str,
+        kernel: &Formula<'_, S>,
+        accuracy: Accuracy,
+        sizes: &Sizes<S::Real>,
+    ) -> Self {
+        let mut hasher = DefaultHasher::new();
+        for &half_width in &sizes.half_widths {
+            FarField::new(half_width, sizes.extent).for_each_entry(kernel, |entry: S| {
+                entry.parts().map(|part| part.as_f64().to_bits()).hash(&mut hasher);
+            });
+        }
+        let half_widths = sizes.half_widths.iter().map(|h| h.as_f64().to_bits()).collect();
+        Self { kernel: kernel_type, accuracy, half_widths, fingerprint: hasher.finish() }
+    }
+}
+
+/// The operators that are remembered under `key`, the most recently used last.
+pub(crate) fn find<S: Scalar>(key: &Key) -> Option<Arc<Operators<S>>> {
+    let mut cache = CACHE.lock().unwrap_or_else(|e| e.into_inner());
+    let entry = cache.iter().position(|(known, _)| known == key).map(|i| cache.remove(i))?;
+    let operators = Arc::clone(&entry.1).downcast().ok();
+    cache.push(entry);
+    operators
+}
+
+/// Remembers operators, and forgets the ones that were used the longest ago.
+pub(crate) fn remember<S: Scalar>(key: Key, operators: Arc<Operators<S>>) {
+    let mut cache = CACHE.lock().unwrap_or_else(|e| e.into_inner());
+    cache.push((key, operators));
+    if cache.len() > CAPACITY {
+        cache.remove(0);
+    }
+}

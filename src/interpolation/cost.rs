@@ -1,0 +1,56 @@
+//! How many points a leaf should hold: where near and far field cost the same.
+
+use std::sync::OnceLock;
+use std::time::Instant;
+
+use crate::dense::{Dense, Matrix};
+use crate::interpolation::operators::Accuracy;
+use crate::real::Scalar;
+
+/// The leaf size at which the direct sums with 27 neighbours cost as much as the translations with 189
+/// far cells, for ranks like those of 1/r at this accuracy.
+pub(crate) fn leaf_size<S: Scalar>(
+    accuracy: Accuracy,
+    components: usize,
+    columns: usize,
+    pair_seconds: f64,
+) -> usize {
+    let digits = match accuracy {
+        Accuracy::Tolerance(tolerance) => (-tolerance.log10()).clamp(1.0, 14.0),
+        Accuracy::Order(order) => (order as f64 - 1.5).clamp(1.0, 14.0),
+    };
+    let rank = (3.0 * digits + 3.0) * digits * components as f64;
+    let rank_per_offset = (0.18 * rank).max(4.0);
+    // Two thin products per pair of cells, and a read and a write of both expansions.
+    let flops = 4.0 * rank * rank_per_offset * if S::COMPLEX { 4.0 } else { 1.0 };
+    let precision = (size_of::<S::Real>() as f64) / 8.0;
+    let pair_of_cells = columns as f64 * precision * (flops / flop_rate() + 4.0 * rank * MOVE_SECONDS);
+    let far_per_leaf = 189.0 * 8.0 / 7.0 * pair_of_cells;
+    // A cell of s points is worth splitting into eight when 27 s² t + c > 27 s²/8 t + 8 c.
+    let largest = (8.0 * far_per_leaf / (27.0 * pair_seconds)).sqrt();
+    (largest as usize).clamp(16, 2048)
+}
+
+/// Seconds to read or write one number in a core's cache.
+const MOVE_SECONDS: f64 = 1.5e-10;
+
+/// Floating-point operations per second of one core in products like those of M2L, measured once.
+fn flop_rate() -> f64 {
+    static RATE: OnceLock<f64> = OnceLock::new();
+    *RATE.get_or_init(|| {
+        const ROWS: usize = 24;
+        const INNER: usize = 96;
+        const COLUMNS: usize = 256;
+        let a = Matrix::from_fn(ROWS, INNER, |i, j| (i + j) as f64);
+        let b = vec![1.0; INNER * COLUMNS];
+        let mut c = vec![0.0; ROWS * COLUMNS];
+        let shortest = (0..8)
+            .map(|_| {
+                let start = Instant::now();
+                f64::product(&a, &b, false, &mut c);
+                start.elapsed().as_secs_f64()
+            })
+            .fold(f64::INFINITY, f64::min);
+        2.0 * (ROWS * INNER * COLUMNS) as f64 / shortest.max(1e-9)
+    })
+}

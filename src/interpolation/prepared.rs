@@ -1,0 +1,201 @@
+//! What a plan needs of a kernel, once the levels and offsets are known.
+
+use std::sync::Arc;
+
+use crate::chebyshev::Chebyshev;
+use crate::error::Error;
+use crate::expansion::Geometry;
+use crate::interpolation::basis::Basis;
+use crate::interpolation::cache::{self, Key};
+use crate::interpolation::far_field::FarField;
+use crate::interpolation::operators::{Accuracy, LevelOperators, Operators, Sizes};
+use crate::interpolation::transfer::Transfers;
+use crate::interpolation::MAX_ORDER;
+use crate::probe::{self, Formula};
+use crate::real::{Real, Scalar};
+
+/// Operators, as far as they can be prepared.
+pub(crate) enum Prepared<S: Scalar> {
+    /// For kernels that look different from place to place: all polynomials, and the kernel itself
+    /// between their nodes.
+    Everywhere(Everywhere<S>),
+    /// For translation-invariant kernels.
+    Invariant(Invariant<S>),
+}
+
+/// The polynomials of a kernel that is not translation invariant.
+pub(crate) struct Everywhere<S: Scalar> {
+    pub(crate) rule: Chebyshev<S::Real>,
+    pub(crate) source: Basis<S>,
+    pub(crate) target: Basis<S>,
+}
+
+/// The operators of a translation-invariant kernel, and where they belong in a tree.
+pub(crate) struct Invariant<S: Scalar> {
+    pub(crate) operators: Arc<Operators<S>>,
+    first_level: usize,
+    /// K(s x, s y) = s^degree K(x, y)
+    degree: Option<f64>,
+    /// Where masks ask for more offsets than an unmasked tree: the transfers of that entry of
+    /// `operators.levels`.
+    extended: Vec<Option<Transfers<S>>>,
+}
+
+/// How far away the sources of a homogeneous kernel are sampled, in half-widths.
+const EXTENT: f64 = 64.0;
+
+/// Bytes of M2L matrices for offsets that only masks ask for; further ones are applied through the
+/// kernel.
+const EXTENDED_BYTES: usize = 1 << 28;
+
+impl<S: Scalar> Prepared<S> {
+    pub(crate) fn new(
+        kernel_type: &'static str,
+        kernel: &Formula<'_, S>,
+        accuracy: Accuracy,
+        geometry: &Geometry<S::Real>,
+    ) -> Result<Self, Error> {
+        if !probe::translation_invariant(kernel, &geometry.root) {
+            return Everywhere::new(kernel, accuracy, geometry).map(Self::Everywhere);
+        }
+        Invariant::new(kernel_type, kernel, accuracy, geometry).map(Self::Invariant)
+    }
+}
+
+impl<S: Scalar> Everywhere<S> {
+    pub(crate) fn with_order(n: usize, fields: usize, densities: usize) -> Self {
+        let rule = Chebyshev::new(n);
+        let (source, target) = (Basis::full(&rule, densities), Basis::full(&rule, fields));
+        Self { rule, source, target }
+    }
+
+    /// The order is the smallest that serves cells about the centre of the root.
+    fn new(
+        kernel: &Formula<'_, S>,
+        accuracy: Accuracy,
+        geometry: &Geometry<S::Real>,
+    ) -> Result<Self, Error> {
+        let requested = match accuracy {
+            Accuracy::Order(n) => return Ok(Self::with_order(n, kernel.fields, kernel.densities)),
+            Accuracy::Tolerance(requested) => requested,
+        };
+        let centre = geometry.root.centre();
+        let at_centre = |x, y, g: &mut [S]| kernel.write(centre + x, centre + y, g);
+        let kernel = Formula::new(kernel.fields, kernel.densities, &at_centre);
+        let mut reachable = f64::INFINITY;
+        for n in 1..=MAX_ORDER {
+            let rule = Chebyshev::new(n);
+            let mut worst = 0.0f64;
+            for level in &geometry.levels {
+                let far = FarField::new(level.half_width, 0.0);
+                for side in [kernel.transpose().transpose(), kernel.transpose()] {
+                    let size = far.size(&side);
+                    if !size.is_finite() {
+                        return Err(Error::NonFiniteKernel);
+                    }
+                    worst = worst.max(far.interpolation_error(&side, &rule, size));
+                }
+            }
+            if worst <= 0.25 * requested {
+                return Ok(Self::with_order(n, kernel.fields, kernel.densities));
+            }
+            reachable = reachable.min(4.0 * worst);
+        }
+        Err(Error::UnreachableTolerance { requested, reachable })
+    }
+}
+
+impl<S: Scalar> Invariant<S> {
+    fn new(
+        kernel_type: &'static str,
+        kernel: &Formula<'_, S>,
+        accuracy: Accuracy,
+        geometry: &Geometry<S::Real>,
+    ) -> Result<Self, Error> {
+        let degree = probe::homogeneity(kernel, &geometry.root);
+        let half_widths = match degree {
+            Some(_) => vec![S::Real::from_f64(1.0)],
+            None => geometry.levels.iter().map(|level| level.half_width).collect(),
+        };
+        let sizes = Sizes { half_widths, extent: EXTENT };
+        let key = Key::new(kernel_type, kernel, accuracy, &sizes);
+        let operators = match cache::find(&key) {
+            Some(operators) => operators,
+            None => {
+                let operators = Arc::new(Operators::new(kernel, accuracy, &sizes)?);
+                cache::remember(key, Arc::clone(&operators));
+                operators
+            }
+        };
+        let first_level = geometry.levels.first().map_or(0, |level| level.level);
+        let extended = operators.levels.iter().map(|_| None).collect();
+        let mut prepared = Self { operators, first_level, degree, extended };
+        prepared.extend(kernel, geometry);
+        Ok(prepared)
+    }
+
+    /// Builds M2L operators for the offsets that only masks ask for.
+    fn extend(&mut self, kernel: &Formula<'_, S>, geometry: &Geometry<S::Real>) {
+        let mut bytes_left = EXTENDED_BYTES;
+        for (index, level) in self.operators.levels.iter().enumerate() {
+            let mut offsets = match self.degree {
+                Some(_) => geometry.all_offsets(),
+                None => geometry.levels.get(index).map_or(vec![], |level| level.offsets.clone()),
+            };
+            offsets.retain(|offset| offset.iter().any(|o| o.abs() > 3));
+            let bytes = (level.source.rank() * level.target.rank() * size_of::<S>()).max(1);
+            offsets.truncate(bytes_left / bytes);
+            if !offsets.is_empty() {
+                bytes_left -= offsets.len() * bytes;
+                self.extended[index] = Some(level.extended(kernel, &offsets));
+            }
+        }
+    }
+
+    pub(crate) fn level(&self, level: usize) -> &LevelOperators<S> {
+        &self.operators.levels[self.index(level)]
+    }
+
+    /// The M2L operators at `level` and the factor to take them by.
+    pub(crate) fn transfers(
+        &self,
+        level: usize,
+        half_width: S::Real,
+    ) -> (&Transfers<S>, S::Real) {
+        let operators = self.level(level);
+        let transfers = self.extended[self.index(level)].as_ref();
+        let scale = match self.degree {
+            Some(degree) => half_width.as_f64().powf(degree),
+            None => 1.0,
+        };
+        (transfers.unwrap_or(&operators.transfers), S::Real::from_f64(scale))
+    }
+
+    /// The matrix of M2M, or of L2L, between a cell of `level` and its child in an octant, and the
+    /// reflection to take it by.
+    pub(crate) fn shift(&self, level: usize, octant: usize, down: bool) -> Shift<'_, S> {
+        let index = self.index(level).min(self.operators.shifts.len() - 1);
+        let shifts = &self.operators.shifts[index];
+        let matrices = if down { &shifts.l2l } else { &shifts.m2m };
+        let (matrix, reflection) =
+            if matrices.len() == 1 { (&matrices[0], octant) } else { (&matrices[octant], 0) };
+        let (parent, child) = (self.level(level), self.level(level + 1));
+        let (from, to) = if down {
+            (&parent.target, &child.target)
+        } else {
+            (&child.source, &parent.source)
+        };
+        Shift { matrix, from: &from.signs[reflection], to: &to.signs[reflection] }
+    }
+
+    fn index(&self, level: usize) -> usize {
+        level.saturating_sub(self.first_level).min(self.operators.levels.len() - 1)
+    }
+}
+
+/// A shift between levels: a matrix with signs on its columns and rows.
+pub(crate) struct Shift<'a, S: Scalar> {
+    pub(crate) matrix: &'a crate::dense::Matrix<S>,
+    pub(crate) from: &'a [S::Real],
+    pub(crate) to: &'a [S::Real],
+}
