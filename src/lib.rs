@@ -43,6 +43,7 @@
 mod error;
 mod real;
 mod geometry;
+mod dispatch;
 mod kernel;
 mod expansion;
 mod chebyshev;
