@@ -1,6 +1,6 @@
 //! The plain loop over pairs, compiled for wider registers than the build assumes.
 
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
 
 use crate::kernel::Kernel;
 
@@ -23,9 +23,12 @@ impl<K: Kernel + ?Sized> PairLoop<'_, K> {
         // scalar function such as `exp` from a loop in 512-bit registers costs a third of the speed.
         #[cfg(target_arch = "x86_64")]
         if let Some(avx2) = pulp::x86::V3::try_new() {
-            return Arch::V3(avx2).dispatch(self);
+            return Simd::vectorize(avx2, self);
         }
-        Arch::new().dispatch(self);
+        #[cfg(target_arch = "x86_64")]
+        Simd::vectorize(pulp::Scalar, self);
+        #[cfg(not(target_arch = "x86_64"))]
+        pulp::Arch::new().dispatch(self);
     }
 }
 
@@ -104,7 +107,8 @@ mod tests {
                 let mut portable = best.clone();
                 for _ in 0..2 {
                     PairLoop { kernel, xs, ys, qs, us: &mut best }.run();
-                    Arch::Scalar.dispatch(PairLoop { kernel, xs, ys, qs, us: &mut portable });
+                    let us = &mut portable;
+                    Simd::vectorize(pulp::Scalar, PairLoop { kernel, xs, ys, qs, us });
                 }
                 assert!(best == plain && portable == plain, "{n} targets, {m} sources");
             }
