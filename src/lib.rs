@@ -44,6 +44,7 @@ mod error;
 mod dense;
 mod real;
 mod geometry;
+mod dispatch;
 mod kernel;
 mod expansion;
 mod pool;

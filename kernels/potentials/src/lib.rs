@@ -11,8 +11,11 @@
 mod expansion;
 mod exponent;
 pub mod harmonic;
+mod near_field;
 mod output;
 mod power_law;
+mod reciprocal;
+mod registers;
 mod separable;
 
 pub use expansion::HarmonicExpansion;

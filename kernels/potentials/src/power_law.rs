@@ -6,6 +6,7 @@ use std::marker::PhantomData;
 use farfield::{Additive, Columns, Kernel, Linear, Outcome, Point, PointKernel, Real, Vector};
 
 use crate::exponent::{Exponent, MinusFour, MinusOne, MinusTwo, PlusTwo};
+use crate::near_field::Block;
 use crate::output::{Output, Potential, WithGradient};
 
 /// The potential 1/r of charges and masses, 0 at r = 0.
@@ -91,9 +92,18 @@ impl<E: Exponent, T: Real, C: Linear<T>, O: Output<T, C>> Kernel for PowerLaw<E,
         xs: &[Point<T>],
         ys: &[Point<T>],
         qs: &[C],
-        _tolerance: f64,
+        tolerance: f64,
         us: &mut [O::Value],
     ) {
+        // The inner loop asks for a precision by its name; both are the same to the compiler.
+        let outcome = if const { size_of::<T>() == size_of::<f32>() } {
+            Block::<E, f32, T, C, O> { xs, ys, qs, tolerance, us, types: PhantomData }.run()
+        } else {
+            Block::<E, f64, T, C, O> { xs, ys, qs, tolerance, us, types: PhantomData }.run()
+        };
+        if outcome == Outcome::Done {
+            return;
+        }
         for (xs, us) in xs.chunks(LANES).zip(us.chunks_mut(LANES)) {
             // The last lanes of a short chunk repeat its last target.
             let points: [Point<T>; LANES] = std::array::from_fn(|i| xs[i.min(xs.len() - 1)]);
