@@ -13,7 +13,7 @@ use crate::lists::{ALL, Lists, Side};
 use crate::mask::{Mask, Unmasked};
 use crate::passes::{Plan, Scheme, Workspace};
 use crate::real::{Additive, Located};
-use crate::tree::{Tree, positions, root_cube};
+use crate::tree::{Bounds, Tree};
 
 /// Which part of building a plan is under way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -227,14 +227,15 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
             return Err(Error::InvalidLeafSize);
         }
         report(Phase::Tree, 0.0);
-        let source_positions = positions(PointSet::Sources, sources)?;
-        let target_positions = positions(PointSet::Targets, targets)?;
-        let root = root_cube(&source_positions, &target_positions)?;
-        let source_tree = Arc::new(Tree::new(&root, &source_positions, leaf_size));
-        let target_tree = if source_positions == target_positions {
+        let bounds = Bounds::new(PointSet::Sources, sources)?;
+        let root = bounds.join(Bounds::new(PointSet::Targets, targets)?).root_cube()?;
+        let source_tree = Arc::new(Tree::new(&root, sources, leaf_size));
+        let same_points = sources.len() == targets.len()
+            && sources.par_iter().zip(targets).all(|(y, x)| y.position() == x.position());
+        let target_tree = if same_points {
             Arc::clone(&source_tree)
         } else {
-            Arc::new(Tree::new(&root, &target_positions, leaf_size))
+            Arc::new(Tree::new(&root, targets, leaf_size))
         };
         let sources = in_tree_order(sources, &source_tree);
         let targets = in_tree_order(targets, &target_tree);
@@ -260,7 +261,7 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
         let plan = Plan {
             expansion: self.expansion,
             scheme: self.scheme,
-            target_leaves: target_tree.leaves(),
+            target_leaves: target_tree.leaves.clone(),
             source_tree,
             target_tree,
             sources,

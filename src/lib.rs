@@ -48,6 +48,7 @@ mod expansion;
 mod chebyshev;
 mod probe;
 mod interpolation;
+mod morton;
 mod tree;
 mod mask;
 mod lists;
