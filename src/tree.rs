@@ -113,6 +113,12 @@ impl<T: Real> Tree<T> {
         }
     }
 
+    /// A cell, its parent, and so on up to the root.
+    pub(crate) fn path_to_root(&self, cell: usize) -> impl Iterator<Item = usize> {
+        let above = |&c: &usize| (c > 0).then(|| self.nodes[c].parent as usize);
+        std::iter::successors(Some(cell), above)
+    }
+
     /// The place in tree order of each of the caller's points: the inverse of `order`.
     pub(crate) fn ranks(&self) -> Vec<u32> {
         // Atomic stores let all threads write to scattered places.
