@@ -10,6 +10,7 @@
 
 use rayon::prelude::*;
 
+use crate::geometry::Cell;
 use crate::grouped::Grouped;
 use crate::kernel::Kernel;
 use crate::mask::{CellView, Coverage, Mask};
@@ -80,11 +81,12 @@ impl<'a, P: Located> Side<'a, P> {
         &self.tree.nodes[cell as usize]
     }
 
+    fn cell(&self, cell: u32) -> &'a Cell<P::Real> {
+        &self.tree.cells[cell as usize]
+    }
+
     fn view(&self, cell: u32) -> CellView<'a, P> {
-        CellView {
-            cell: &self.tree.cells[cell as usize],
-            points: &self.points[self.node(cell).points()],
-        }
+        CellView { cell: self.cell(cell), points: &self.points[self.node(cell).points()] }
     }
 }
 
@@ -334,24 +336,26 @@ impl<K: Kernel, M: Mask<K>> Traversal<'_, K, M> {
     fn meet(&self, t: u32, candidate: Candidate, near: &mut Vec<Candidate>, found: &mut Found) {
         let Self { targets, sources, .. } = self;
         let s = candidate.source;
-        let (target, source) = (targets.view(t), sources.view(s));
-        let coverage =
-            if candidate.full { Coverage::Full } else { self.mask.cells(target, source) };
-        let full = match coverage {
-            Coverage::Empty => return,
-            Coverage::Full => true,
-            Coverage::Partial => false,
-        };
-        if full && self.far && target.cell.well_separated(source.cell) {
-            match target.cell.level().cmp(&source.cell.level()) {
-                std::cmp::Ordering::Equal => {
-                    found.offsets.insert(source.cell.offset_to(target.cell));
-                    found.m2l.items.push(s);
+        let full = candidate.full
+            || match self.mask.cells(targets.view(t), sources.view(s)) {
+                Coverage::Empty => return,
+                Coverage::Full => true,
+                Coverage::Partial => false,
+            };
+        if full && self.far {
+            let (target, source) = (targets.cell(t), sources.cell(s));
+            if target.level() == source.level() {
+                let offset = source.offset_to(target);
+                // Well separated, for cells of one level.
+                if offset.iter().any(|o| o.unsigned_abs() > 1) {
+                    found.offsets.insert(offset);
+                    return found.m2l.items.push(s);
                 }
-                std::cmp::Ordering::Less => found.m2p.items.push(s),
-                std::cmp::Ordering::Greater => found.p2l.items.push(s),
+            } else if target.well_separated(source) {
+                let list =
+                    if target.level() < source.level() { &mut found.m2p } else { &mut found.p2l };
+                return list.items.push(s);
             }
-            return;
         }
         // With no far field, a full pair needs its target leaves only.
         let source_is_whole = sources.node(s).is_leaf() || (full && !self.far);

@@ -207,12 +207,9 @@ impl<T: Real> Bounds<T> {
         }
         let finite = |p: &P| p.position().is_finite();
         let (bounds, all_finite) = points
-            .par_iter()
-            .fold(
-                || (Self::none(), true),
-                |(bounds, all), p| (bounds.join(Self::at(p.position())), all && finite(p)),
-            )
-            .reduce(|| (Self::none(), true), |(a, x), (b, y)| (a.join(b), x && y));
+            .par_chunks(CHUNK)
+            .map(|points| (Self::around(points), points.iter().all(finite)))
+            .reduce(|| (Self::around::<P>(&[]), true), |(a, x), (b, y)| (a.join(b), x && y));
         match points.iter().position(|p| !all_finite && !finite(p)) {
             Some(index) => {
                 let position = points[index].position().to_array().map(Real::as_f64);
@@ -249,14 +246,21 @@ impl<T: Real> Bounds<T> {
         Ok(Cube::new(Point::<T>::from_array(centre), half_width))
     }
 
-    fn none() -> Self {
-        Self { low: [T::infinity(); 3], high: [T::neg_infinity(); 3] }
-    }
-
-    fn at(p: Point<T>) -> Self {
-        Self { low: p.to_array(), high: p.to_array() }
+    /// The box around finite points.
+    fn around<P: Located<Real = T>>(points: &[P]) -> Self {
+        let mut bounds = Self { low: [T::infinity(); 3], high: [T::neg_infinity(); 3] };
+        for p in points {
+            for (k, x) in p.position().to_array().into_iter().enumerate() {
+                bounds.low[k] = if x < bounds.low[k] { x } else { bounds.low[k] };
+                bounds.high[k] = if x > bounds.high[k] { x } else { bounds.high[k] };
+            }
+        }
+        bounds
     }
 }
+
+/// Points per task of a sweep over all of them.
+const CHUNK: usize = 4096;
 
 /// Where each octant of a cell ends that holds `points`, the first of which has the tree position
 /// `start`.
