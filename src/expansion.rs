@@ -211,7 +211,7 @@ pub struct LevelPairs<'a, T: Real> {
     /// Its target cells.
     pub targets: &'a [Cell<T>],
     /// For each target cell, where its list starts in `list`; one more entry ends the last.
-    pub(crate) starts: &'a [u32],
+    pub(crate) starts: &'a [usize],
     /// The lists of all levels, as indices into the tree.
     pub(crate) list: &'a [u32],
     /// The tree's index of `sources[0]`.
@@ -221,7 +221,7 @@ pub struct LevelPairs<'a, T: Real> {
 impl<T: Real> LevelPairs<'_, T> {
     /// Indices into `sources` of the cells that act on `targets[t]`.
     pub fn sources_of(&self, t: usize) -> impl ExactSizeIterator<Item = usize> {
-        let list = &self.list[self.starts[t] as usize..self.starts[t + 1] as usize];
+        let list = &self.list[self.starts[t]..self.starts[t + 1]];
         list.iter().map(|&s| s as usize - self.first_source)
     }
 

@@ -6,14 +6,18 @@ use std::sync::{Arc, Mutex};
 use rayon::prelude::*;
 
 use crate::error::{Error, PointSet};
-use crate::expansion::{ChargeOf, Expansion, Geometry, Level, RealOf, SourceOf, TargetOf, ValueOf};
+use crate::expansion::{ChargeOf, Expansion, Geometry, Level, SourceOf, TargetOf, ValueOf};
 use crate::interpolation::Interpolation;
 use crate::kernel::PointKernel;
-use crate::lists::{ALL, Lists, Side};
+use crate::layout::{Layout, Parts};
+use crate::lists::{Costs, Lists, Side};
 use crate::mask::{Mask, Unmasked};
+use crate::pace::pair_seconds;
 use crate::passes::{Plan, Scheme, Workspace};
-use crate::real::{Additive, Located};
-use crate::tree::{Tree, positions, root_cube};
+use crate::real::{Additive, Located, Real};
+use crate::stats::{Stats, stats};
+use crate::times::{ApplyTimes, BuildTimes, Clock};
+use crate::tree::{Bounds, Tree};
 
 /// Which part of building a plan is under way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,31 +37,6 @@ pub struct Progress {
     pub phase: Phase,
     /// How much of that part is done, from 0 to 1; reports may arrive out of order.
     pub fraction: f64,
-}
-
-/// What a plan consists of.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Stats {
-    /// Number of sources.
-    pub sources: usize,
-    /// Number of targets.
-    pub targets: usize,
-    /// Number of cells of the source tree and the target tree, counted once if they are shared.
-    pub cells: usize,
-    /// Level of the deepest cell.
-    pub depth: usize,
-    /// The largest number of points that a leaf was allowed.
-    pub leaf_size: usize,
-    /// Multipole terms of a leaf at the deepest level.
-    pub terms_per_cell: usize,
-    /// Pairs of points that an expansion carries.
-    pub expansion_pairs: u64,
-    /// Pairs of points that are summed directly.
-    pub direct_pairs: u64,
-    /// Pairs of cells by M2L, M2P and P2L.
-    pub cell_pairs: [u64; 3],
-    /// Bytes of the remembered mask.
-    pub mask_bytes: usize,
 }
 
 /// A plan for sums between fixed points: trees, interaction lists, operators and mask.
@@ -83,6 +62,7 @@ pub struct Stats {
 pub struct Fmm<E: Expansion> {
     plan: Plan<E>,
     stats: Stats,
+    build_times: BuildTimes,
     idle: Mutex<Vec<Workspace<E>>>,
 }
 
@@ -110,26 +90,32 @@ impl<E: Expansion> Fmm<E> {
     /// # Errors
     /// If there is not one charge per source, a charge is not finite, or a sum is not.
     pub fn apply(&self, charges: &[ChargeOf<E>]) -> Result<Vec<ValueOf<E>>, Error> {
-        if charges.len() != self.plan.sources.len() {
-            let (expected, found) = (self.plan.sources.len(), charges.len());
-            return Err(Error::LengthMismatch { what: "charges", expected, found });
-        }
-        if let Some(index) = charges.par_iter().position_first(|q| !q.is_finite()) {
-            return Err(Error::NonFiniteCharge { index, charge: format!("{:?}", charges[index]) });
-        }
-        let mut workspace = self.take_workspace();
-        self.plan.run(charges, &mut workspace);
-        let mut values = vec![ValueOf::<E>::zero(); self.plan.targets.len()];
-        for (value, &i) in workspace.values.iter().zip(&self.plan.target_tree.order) {
-            values[i as usize] = *value;
-        }
-        self.idle.lock().unwrap_or_else(|e| e.into_inner()).push(workspace);
-        match values.par_iter().position_first(|u| !u.is_finite()) {
-            Some(index) => {
-                Err(Error::NonFiniteValue { index, value: format!("{:?}", values[index]) })
-            }
-            None => Ok(values),
-        }
+        self.check_charges(charges)?;
+        let values = self.with_workspace(|workspace| self.plan.run(charges, workspace));
+        check_values(&values)?;
+        Ok(values)
+    }
+
+    /// The same sums as [`apply`](Self::apply), to the bit, with the time that each operator took.
+    /// A little slower: what `apply` does in one sweep over the targets takes three.
+    ///
+    /// # Errors
+    /// As [`apply`](Self::apply).
+    pub fn apply_timed(
+        &self,
+        charges: &[ChargeOf<E>],
+    ) -> Result<(Vec<ValueOf<E>>, ApplyTimes), Error> {
+        let mut clock = Clock::start();
+        let mut checks = 0.0;
+        self.check_charges(charges)?;
+        clock.lap(&mut checks);
+        let (values, mut times) =
+            self.with_workspace(|workspace| self.plan.run_timed(charges, workspace));
+        clock = Clock::start();
+        check_values(&values)?;
+        clock.lap(&mut checks);
+        times.permutation += checks;
+        Ok((values, times))
     }
 
     /// What the plan consists of.
@@ -137,15 +123,43 @@ impl<E: Expansion> Fmm<E> {
         &self.stats
     }
 
+    /// How long building the plan took.
+    pub fn build_times(&self) -> &BuildTimes {
+        &self.build_times
+    }
+
     /// The expansion, as prepared for this plan.
     pub fn expansion(&self) -> &E {
         &self.plan.expansion
     }
 
-    /// A workspace that no other call is using: `apply` allocates only the first time.
-    fn take_workspace(&self) -> Workspace<E> {
+    fn check_charges(&self, charges: &[ChargeOf<E>]) -> Result<(), Error> {
+        if charges.len() != self.plan.sources.len() {
+            let (expected, found) = (self.plan.sources.len(), charges.len());
+            return Err(Error::LengthMismatch { what: "charges", expected, found });
+        }
+        match charges.par_iter().position_first(|q| !q.is_finite()) {
+            Some(index) => {
+                Err(Error::NonFiniteCharge { index, charge: format!("{:?}", charges[index]) })
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// Lends a workspace that no other call is using: allocated once, then kept.
+    fn with_workspace<V>(&self, work: impl FnOnce(&mut Workspace<E>) -> V) -> V {
         let idle = self.idle.lock().unwrap_or_else(|e| e.into_inner()).pop();
-        idle.unwrap_or_else(|| Workspace::new(&self.plan))
+        let mut workspace = idle.unwrap_or_else(|| Workspace::new(&self.plan));
+        let result = work(&mut workspace);
+        self.idle.lock().unwrap_or_else(|e| e.into_inner()).push(workspace);
+        result
+    }
+}
+
+fn check_values<V: Additive>(values: &[V]) -> Result<(), Error> {
+    match values.par_iter().position_first(|u| !u.is_finite()) {
+        Some(index) => Err(Error::NonFiniteValue { index, value: format!("{:?}", values[index]) }),
+        None => Ok(()),
     }
 }
 
@@ -194,8 +208,12 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
         Self { scheme, ..self }
     }
 
-    /// The largest number of points in a leaf; the default is the expansion's own
-    /// [`leaf_size`](Expansion::leaf_size).
+    /// The largest number of points in a leaf.
+    ///
+    /// By default the expansion [chooses](Expansion::leaf_size) by the time that a pair of these
+    /// points takes, measured once in a process for each type of kernel and tolerance. Another
+    /// process or another machine may so come to another tree, and to sums that differ in rounding
+    /// and within the tolerance. A fixed leaf size makes them the same to the bit.
     pub fn leaf_size(self, leaf_size: usize) -> Self {
         Self { leaf_size: Some(leaf_size), ..self }
     }
@@ -222,27 +240,33 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
                 report(Progress { phase, fraction });
             }
         };
-        let leaf_size = self.leaf_size.unwrap_or_else(|| self.expansion.leaf_size(1e-9));
+        let (mut clock, mut build_times) = (Clock::start(), BuildTimes::default());
+        report(Phase::Tree, 0.0);
+        let bounds = Bounds::new(PointSet::Sources, sources)?;
+        let root = bounds.join(Bounds::new(PointSet::Targets, targets)?).root_cube()?;
+        let leaf_size = self.leaf_size.unwrap_or_else(|| {
+            let (kernel, tolerance) = (self.expansion.kernel(), self.expansion.pair_tolerance());
+            self.expansion.leaf_size(pair_seconds(kernel, tolerance, sources, targets))
+        });
         if leaf_size == 0 {
             return Err(Error::InvalidLeafSize);
         }
-        report(Phase::Tree, 0.0);
-        let source_positions = positions(PointSet::Sources, sources)?;
-        let target_positions = positions(PointSet::Targets, targets)?;
-        let root = root_cube(&source_positions, &target_positions)?;
-        let source_tree = Arc::new(Tree::new(&root, &source_positions, leaf_size));
-        let target_tree = if source_positions == target_positions {
+        let source_tree = Arc::new(Tree::new(&root, sources, leaf_size));
+        let same_points = sources.len() == targets.len()
+            && sources.par_iter().zip(targets).all(|(y, x)| y.position() == x.position());
+        let target_tree = if same_points {
             Arc::clone(&source_tree)
         } else {
-            Arc::new(Tree::new(&root, &target_positions, leaf_size))
+            Arc::new(Tree::new(&root, targets, leaf_size))
         };
         let sources = in_tree_order(sources, &source_tree);
         let targets = in_tree_order(targets, &target_tree);
         report(Phase::Tree, 1.0);
+        clock.lap(&mut build_times.tree);
 
         report(Phase::Lists, 0.0);
         let far = self.scheme != Scheme::Direct;
-        let lists = Lists::new(
+        let mut lists = Lists::new(
             Side { tree: &target_tree, points: &targets },
             Side { tree: &source_tree, points: &sources },
             &self.mask,
@@ -250,24 +274,45 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
             &|fraction| report(Phase::Lists, fraction),
         );
         report(Phase::Lists, 1.0);
+        clock.lap(&mut build_times.lists);
 
         report(Phase::Operators, 0.0);
         let levels = levels(&lists, &source_tree, &target_tree, self.scheme);
         self.expansion.prepare(&Geometry { root, levels })?;
         report(Phase::Operators, 1.0);
+        clock.lap(&mut build_times.operators);
 
-        let stats = stats(&self.expansion, &lists, &source_tree, &target_tree, leaf_size);
+        // What an expansion costs is known only now.
+        let expansion = self.expansion;
+        let treecode = self.scheme != Scheme::Fmm;
+        let finest = source_tree.levels().max(target_tree.levels());
+        let costs = Costs {
+            m2p: (0..finest).map(|level| expansion.m2p_pairs(level)).collect(),
+            p2l: (0..finest).map(|level| expansion.p2l_pairs(level)).collect(),
+            treecode,
+        };
+        lists.sum_small_directly(&target_tree, &source_tree, &costs);
+        let layout = Layout::new(&Parts {
+            expansion: &expansion,
+            sources: &source_tree,
+            targets: &target_tree,
+            lists: &lists,
+            shift_moments: self.scheme != (Scheme::Treecode { m2m: false }),
+            locals: !treecode,
+        });
         let plan = Plan {
-            expansion: self.expansion,
+            expansion,
             scheme: self.scheme,
-            target_leaves: target_tree.leaves(),
             source_tree,
             target_tree,
             sources,
             targets,
             lists,
+            layout,
         };
-        Ok(Fmm { plan, stats, idle: Mutex::new(Vec::new()) })
+        let stats = stats(&plan, leaf_size);
+        clock.lap(&mut build_times.lists);
+        Ok(Fmm { plan, stats, build_times, idle: Mutex::new(Vec::new()) })
     }
 }
 
@@ -288,81 +333,28 @@ fn in_tree_order<P: Located>(points: &[P], tree: &Tree<P::Real>) -> Vec<P> {
 
 /// The levels at which expansions are formed. M2P and P2L need the level of their expansion, and
 /// shifts need every level between the coarsest and the finest.
-fn levels<T: crate::Real>(
+fn levels<T: Real>(
     lists: &Lists,
     source_tree: &Tree<T>,
     target_tree: &Tree<T>,
     scheme: Scheme,
 ) -> Vec<Level<T>> {
-    let used = (0..target_tree.cells.len()).flat_map(|t| {
-        let m2l = !lists.m2l.of(t).is_empty();
-        let p2l = !lists.p2l.of(t).is_empty();
-        let own = (m2l || p2l).then(|| target_tree.cells[t].level());
-        let m2p = lists.m2p.of(t).iter().map(|&s| source_tree.cells[s as usize].level());
-        own.into_iter().chain(m2p)
-    });
-    let Some(coarsest) = used.min() else { return Vec::new() };
+    // Cells are stored from the coarsest level to the finest, so the first is on the coarsest.
+    let groups = 0..target_tree.cells.len();
+    let receives = |&t: &usize| !lists.m2l.of(t).is_empty() || !lists.p2l.of(t).is_empty();
+    let local = groups.into_iter().find(receives).map(|t| target_tree.cells[t].level());
+    let m2p = lists.m2p.items.par_iter().min();
+    let multipole = m2p.map(|&s| source_tree.cells[s as usize].level());
+    let Some(coarsest) = local.into_iter().chain(multipole).min() else { return Vec::new() };
     let finest = source_tree.levels().max(target_tree.levels());
     (coarsest..finest)
         .map(|level| {
-            let targets = target_tree.level(level);
-            let mut offsets: Vec<[i32; 3]> = targets
-                .filter(|_| scheme == Scheme::Fmm)
-                .flat_map(|t| {
-                    let target = &target_tree.cells[t];
-                    let list = lists.m2l.of(t).iter();
-                    list.map(move |&s| source_tree.cells[s as usize].offset_to(target))
-                })
-                .collect();
-            offsets.par_sort_unstable();
-            offsets.dedup();
-            let cell = target_tree.level(level).next().map(|t| &target_tree.cells[t]);
-            let cell =
-                cell.or_else(|| source_tree.level(level).next().map(|s| &source_tree.cells[s]));
+            let target = target_tree.level(level).next().map(|t| &target_tree.cells[t]);
+            let source = || source_tree.level(level).next().map(|s| &source_tree.cells[s]);
+            let cell = target.or_else(source);
             let half_width = cell.map_or(T::from_f64(0.0), |cell| cell.half_width());
-            Level { level, half_width, offsets }
+            let offsets = lists.offsets.get(level).filter(|_| scheme == Scheme::Fmm);
+            Level { level, half_width, offsets: offsets.cloned().unwrap_or_default() }
         })
         .collect()
-}
-
-fn stats<E: Expansion>(
-    expansion: &E,
-    lists: &Lists,
-    source_tree: &Arc<Tree<RealOf<E>>>,
-    target_tree: &Arc<Tree<RealOf<E>>>,
-    leaf_size: usize,
-) -> Stats {
-    let mut stats = Stats {
-        sources: source_tree.order.len(),
-        targets: target_tree.order.len(),
-        cells: source_tree.cells.len(),
-        depth: source_tree.levels().max(target_tree.levels()).saturating_sub(1),
-        leaf_size,
-        terms_per_cell: 0,
-        expansion_pairs: 0,
-        direct_pairs: 0,
-        cell_pairs: [&lists.m2l, &lists.m2p, &lists.p2l].map(|list| list.items.len() as u64),
-        mask_bytes: std::mem::size_of_val(&lists.bits[..]),
-    };
-    if !Arc::ptr_eq(source_tree, target_tree) {
-        stats.cells += target_tree.cells.len();
-    }
-    stats.terms_per_cell = expansion.multipole_len(stats.depth);
-    for (t, target) in target_tree.nodes.iter().enumerate() {
-        let targets = target.count() as u64;
-        for list in [&lists.m2l, &lists.m2p, &lists.p2l] {
-            let sources = list.of(t).iter().map(|&s| source_tree.nodes[s as usize].count() as u64);
-            stats.expansion_pairs += targets * sources.sum::<u64>();
-        }
-        for run in lists.near.of(t) {
-            let pairs = targets * u64::from(run.last - run.first);
-            stats.direct_pairs += if run.bits == ALL {
-                pairs
-            } else {
-                let words = &lists.bits[run.bits as usize..][..pairs.div_ceil(64) as usize];
-                words.iter().map(|w| u64::from(w.count_ones())).sum()
-            };
-        }
-    }
-    stats
 }

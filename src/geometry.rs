@@ -52,7 +52,7 @@ impl<T: Real> Cube<T> {
         std::array::from_fn(|k| {
             let d = p[k].as_f64() - centre[k].as_f64();
             let fraction = 0.5 * (d / self.half_width.as_f64() + 1.0);
-            (fraction * n).floor().clamp(0.0, n - 1.0) as u32
+            (fraction * n).clamp(0.0, n - 1.0) as u32
         })
     }
 }

@@ -51,10 +51,17 @@ mod pool;
 mod chebyshev;
 mod probe;
 mod interpolation;
+mod morton;
 mod tree;
 mod mask;
+mod grouped;
+mod offsets;
 mod lists;
+mod layout;
+mod times;
 mod passes;
+mod stats;
+mod pace;
 mod fmm;
 mod exact;
 pub mod conformance;
@@ -64,10 +71,12 @@ pub use expansion::{
     ChargeOf, Expansion, Geometry, Level, LevelPairs, OffsetMap, RealOf, SourceOf, TargetOf,
     ValueOf,
 };
-pub use fmm::{Builder, Fmm, Phase, Progress, Stats};
+pub use fmm::{Builder, Fmm, Phase, Progress};
 pub use geometry::{Cell, Cube, MAX_LEVEL};
 pub use interpolation::{Interpolation, MAX_ORDER};
 pub use kernel::{FnKernel, Kernel, Outcome, PointKernel, direct, from_fn, relative_l2_error};
 pub use mask::{CellView, Coverage, Mask, Unmasked, direct_masked};
 pub use passes::Scheme;
 pub use real::{Additive, Columns, Linear, Located, Point, Real, Scalar, Vector};
+pub use stats::Stats;
+pub use times::{ApplyTimes, BuildTimes};

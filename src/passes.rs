@@ -11,8 +11,10 @@ use rayon::prelude::*;
 
 use crate::expansion::{ChargeOf, Expansion, LevelPairs, RealOf, SourceOf, TargetOf, ValueOf};
 use crate::kernel::{Kernel, Outcome};
+use crate::layout::Layout;
 use crate::lists::{ALL, Lists, Run, for_each_set_bit};
 use crate::real::Additive;
+use crate::times::{ApplyTimes, Clock};
 use crate::tree::Tree;
 
 /// How a plan sums. All schemes give the same sums; they differ in cost.
@@ -42,214 +44,289 @@ pub(crate) struct Plan<E: Expansion> {
     /// Targets in tree order.
     pub(crate) targets: Vec<TargetOf<E>>,
     pub(crate) lists: Lists,
-    /// Leaves of the target tree in the order of their targets.
-    pub(crate) target_leaves: Vec<u32>,
+    pub(crate) layout: Layout,
 }
 
 /// Everything that one application writes to, kept from one to the next.
 pub(crate) struct Workspace<E: Expansion> {
     charges: Vec<ChargeOf<E>>,
     /// Values in tree order.
-    pub(crate) values: Vec<ValueOf<E>>,
+    values: Vec<ValueOf<E>>,
     /// Multipole terms, level by level, cell after cell.
     multipoles: Vec<Vec<E::MultipoleTerm>>,
     /// Local terms, likewise.
     locals: Vec<Vec<E::LocalTerm>>,
     /// For every entry of the P2L list, whether the expansion declined it.
     p2l_declined: Vec<AtomicBool>,
-    uses: Uses,
-}
-
-/// Which cells take part in the far field.
-struct Uses {
-    multipole: Vec<bool>,
-    local: Vec<bool>,
 }
 
 impl<E: Expansion> Workspace<E> {
     pub(crate) fn new(plan: &Plan<E>) -> Self {
-        let uses = Uses::new(plan);
-        let expansion = &plan.expansion;
-        let lens = |levels,
-                    used: &[bool],
-                    level_of: &dyn Fn(usize) -> Range<usize>,
-                    len: &dyn Fn(usize) -> usize| {
-            (0..levels)
-                .map(|level| {
-                    let cells = level_of(level);
-                    if used[cells.clone()].contains(&true) { cells.len() * len(level) } else { 0 }
-                })
-                .collect::<Vec<usize>>()
-        };
-        let (sources, targets) = (&plan.source_tree, &plan.target_tree);
-        let multipoles = lens(sources.levels(), &uses.multipole, &|l| sources.level(l), &|l| {
-            expansion.multipole_len(l)
-        });
-        let locals =
-            lens(targets.levels(), &uses.local, &|l| targets.level(l), &|l| expansion.local_len(l));
+        let Layout { multipole_terms, local_terms, .. } = &plan.layout;
         Self {
-            charges: Vec::with_capacity(plan.sources.len()),
+            charges: vec![Additive::zero(); plan.sources.len()],
             values: vec![Additive::zero(); plan.targets.len()],
-            multipoles: multipoles.into_iter().map(|n| vec![Additive::zero(); n]).collect(),
-            locals: locals.into_iter().map(|n| vec![Additive::zero(); n]).collect(),
+            multipoles: multipole_terms.iter().map(|&n| vec![Additive::zero(); n]).collect(),
+            locals: local_terms.iter().map(|&n| vec![Additive::zero(); n]).collect(),
             p2l_declined: plan.lists.p2l.items.iter().map(|_| AtomicBool::new(false)).collect(),
-            uses,
         }
+    }
+
+    /// The size in memory of a workspace for `plan`.
+    pub(crate) fn bytes(plan: &Plan<E>) -> usize {
+        let Layout { multipole_terms, local_terms, .. } = &plan.layout;
+        plan.sources.len() * size_of::<ChargeOf<E>>()
+            + plan.targets.len() * size_of::<ValueOf<E>>()
+            + multipole_terms.iter().sum::<usize>() * size_of::<E::MultipoleTerm>()
+            + local_terms.iter().sum::<usize>() * size_of::<E::LocalTerm>()
+            + plan.lists.p2l.items.len() * size_of::<AtomicBool>()
     }
 }
 
-impl Uses {
-    fn new<E: Expansion>(plan: &Plan<E>) -> Self {
-        let (sources, targets, lists) = (&plan.source_tree, &plan.target_tree, &plan.lists);
-        let mut multipole = vec![false; sources.cells.len()];
-        for &s in lists.m2l.items.iter().chain(&lists.m2p.items) {
-            multipole[s as usize] = true;
-        }
-        if plan.scheme != (Scheme::Treecode { m2m: false }) {
-            for s in 1..multipole.len() {
-                multipole[s] |= multipole[sources.nodes[s].parent as usize];
-            }
-        }
-        let mut local = vec![false; targets.cells.len()];
-        if plan.scheme == Scheme::Fmm {
-            for t in 0..local.len() {
-                local[t] = local[targets.nodes[t].parent as usize]
-                    || !lists.m2l.of(t).is_empty()
-                    || !lists.p2l.of(t).is_empty();
-            }
-        }
-        Self { multipole, local }
-    }
+/// What is added up at the targets in one sweep over their leaves.
+#[derive(Clone, Copy)]
+struct Sweep {
+    local: bool,
+    multipole: bool,
+    near: bool,
+}
+
+impl Sweep {
+    const NONE: Self = Self { local: false, multipole: false, near: false };
+    const LOCAL: Self = Self { local: true, ..Self::NONE };
+    const MULTIPOLE: Self = Self { multipole: true, ..Self::NONE };
+    const NEAR: Self = Self { near: true, ..Self::NONE };
+    const ALL: Self = Self { local: true, multipole: true, near: true };
 }
 
 impl<E: Expansion> Plan<E> {
-    /// Leaves the sums in `workspace.values`, in tree order.
-    pub(crate) fn run(&self, charges: &[ChargeOf<E>], workspace: &mut Workspace<E>) {
-        workspace.charges.clear();
-        workspace.charges.extend(self.source_tree.order.iter().map(|&i| charges[i as usize]));
-        self.upward(workspace);
-        if self.scheme == Scheme::Fmm {
-            self.downward(workspace);
-        }
-        self.evaluate(workspace);
+    /// The sums for `charges`, in the caller's order.
+    pub(crate) fn run(
+        &self,
+        charges: &[ChargeOf<E>],
+        workspace: &mut Workspace<E>,
+    ) -> Vec<ValueOf<E>> {
+        let mut unread = ApplyTimes::default();
+        self.carry(charges, workspace, &mut Clock::start(), &mut unread);
+        self.evaluate(workspace, Sweep::ALL);
+        self.in_callers_order(workspace)
     }
 
-    /// P2M at the leaves, M2M above them.
-    fn upward(&self, workspace: &mut Workspace<E>) {
-        let Workspace { charges, multipoles, uses, .. } = workspace;
+    /// The same sums, to the bit, with the seconds that each operator took.
+    pub(crate) fn run_timed(
+        &self,
+        charges: &[ChargeOf<E>],
+        workspace: &mut Workspace<E>,
+    ) -> (Vec<ValueOf<E>>, ApplyTimes) {
+        let (mut clock, mut times) = (Clock::start(), ApplyTimes::default());
+        self.carry(charges, workspace, &mut clock, &mut times);
+        self.evaluate(workspace, Sweep::LOCAL);
+        clock.lap(&mut times.l2p);
+        self.evaluate(workspace, Sweep::MULTIPOLE);
+        clock.lap(&mut times.m2p);
+        self.evaluate(workspace, Sweep::NEAR);
+        clock.lap(&mut times.near);
+        let values = self.in_callers_order(workspace);
+        clock.lap(&mut times.permutation);
+        (values, times)
+    }
+
+    /// Everything before the values: from charges to multipole and local terms.
+    fn carry(
+        &self,
+        charges: &[ChargeOf<E>],
+        workspace: &mut Workspace<E>,
+        clock: &mut Clock,
+        times: &mut ApplyTimes,
+    ) {
+        let order = self.source_tree.order.par_iter();
+        workspace.charges.par_iter_mut().zip(order).for_each(|(q, &i)| *q = charges[i as usize]);
+        clock.lap(&mut times.permutation);
+        self.p2m(workspace);
+        clock.lap(&mut times.p2m);
+        if self.shifts_moments() {
+            self.m2m(workspace);
+            clock.lap(&mut times.m2m);
+        }
+        if self.scheme == Scheme::Fmm {
+            for level in 0..self.target_tree.levels() {
+                self.m2l(level, workspace);
+                clock.lap(&mut times.m2l);
+                self.l2l(level, workspace);
+                clock.lap(&mut times.l2l);
+            }
+        }
+    }
+
+    /// The sums in the caller's order.
+    fn in_callers_order(&self, workspace: &Workspace<E>) -> Vec<ValueOf<E>> {
+        let ranks = self.layout.target_ranks.par_iter();
+        ranks.map(|&rank| workspace.values[rank as usize]).collect()
+    }
+
+    fn shifts_moments(&self) -> bool {
+        self.scheme != (Scheme::Treecode { m2m: false })
+    }
+
+    /// P2M wherever moments are not shifted from children.
+    fn p2m(&self, workspace: &mut Workspace<E>) {
+        let Workspace { charges, multipoles, .. } = workspace;
         let tree = &self.source_tree;
-        let shift_moments = self.scheme != (Scheme::Treecode { m2m: false });
-        for level in (0..tree.levels()).rev() {
-            let (head, below) = multipoles.split_at_mut(level + 1);
-            let len = self.expansion.multipole_len(level);
+        for (level, multipoles) in multipoles.iter_mut().enumerate() {
             let first = tree.level(level).start;
-            cells_mut(&mut head[level], len).for_each(|(i, multipole)| {
-                let s = first + i;
-                if !uses.multipole[s] {
-                    return;
-                }
-                multipole.fill(Additive::zero());
-                let (cell, node) = (&tree.cells[s], &tree.nodes[s]);
-                if node.is_leaf() || !shift_moments {
+            cells_mut(multipoles, self.expansion.multipole_len(level)).for_each(
+                |(i, multipole)| {
+                    let (cell, node) = (&tree.cells[first + i], &tree.nodes[first + i]);
+                    if !self.layout.multipole[first + i]
+                        || (!node.is_leaf() && self.shifts_moments())
+                    {
+                        return;
+                    }
+                    multipole.fill(Additive::zero());
                     let points = node.points();
                     let (ys, qs) = (&self.sources[points.clone()], &charges[points]);
                     self.expansion.p2m(cell, ys, qs, multipole);
-                } else {
-                    let child_len = self.expansion.multipole_len(level + 1);
-                    let first_child = tree.level(level + 1).start;
-                    for c in node.children() {
-                        let child = terms(&below[0], c - first_child, child_len);
-                        self.expansion.m2m(&tree.cells[c], cell, child, multipole);
-                    }
+                },
+            );
+        }
+    }
+
+    /// M2M into every cell that has children, from the deepest up.
+    fn m2m(&self, workspace: &mut Workspace<E>) {
+        let tree = &self.source_tree;
+        for level in (0..tree.levels()).rev() {
+            let (head, below) = workspace.multipoles.split_at_mut(level + 1);
+            let first = tree.level(level).start;
+            let len = self.expansion.multipole_len(level);
+            cells_mut(&mut head[level], len).for_each(|(i, multipole)| {
+                let (cell, node) = (&tree.cells[first + i], &tree.nodes[first + i]);
+                if !self.layout.multipole[first + i] || node.is_leaf() {
+                    return;
+                }
+                multipole.fill(Additive::zero());
+                let child_len = self.expansion.multipole_len(level + 1);
+                let first_child = tree.level(level + 1).start;
+                for c in node.children() {
+                    let child = terms(&below[0], c - first_child, child_len);
+                    self.expansion.m2m(&tree.cells[c], cell, child, multipole);
                 }
             });
         }
     }
 
-    /// M2L and P2L at every level, L2L from one to the next.
-    fn downward(&self, workspace: &mut Workspace<E>) {
-        let Workspace { charges, multipoles, locals, p2l_declined, uses, .. } = workspace;
+    /// M2L within one level.
+    fn m2l(&self, level: usize, workspace: &mut Workspace<E>) {
+        let Workspace { multipoles, locals, .. } = workspace;
+        let (sources, targets) = (&self.source_tree, &self.target_tree);
+        let locals = &mut locals[level];
+        if locals.is_empty() {
+            return;
+        }
+        locals.par_iter_mut().for_each(|term| *term = Additive::zero());
+        let cells = targets.level(level);
+        let starts = &self.lists.m2l.starts[cells.start..=cells.end];
+        if starts[0] != starts[cells.len()] {
+            let source_cells = sources.level(level);
+            let pairs = LevelPairs {
+                level,
+                sources: &sources.cells[source_cells.clone()],
+                targets: &targets.cells[cells],
+                starts,
+                list: &self.lists.m2l.items,
+                first_source: source_cells.start,
+            };
+            self.expansion.m2l_level(&pairs, &multipoles[level], locals);
+        }
+    }
+
+    /// L2L and P2L into one level.
+    fn l2l(&self, level: usize, workspace: &mut Workspace<E>) {
+        let Workspace { charges, locals, p2l_declined, .. } = workspace;
         let (sources, targets) = (&self.source_tree, &self.target_tree);
         let p2l = &self.lists.p2l;
-        for level in 0..targets.levels() {
-            let (above, tail) = locals.split_at_mut(level);
-            let locals = &mut tail[0];
-            if locals.is_empty() {
-                continue;
+        let (above, tail) = locals.split_at_mut(level);
+        let first = targets.level(level).start;
+        cells_mut(&mut tail[0], self.expansion.local_len(level)).for_each(|(i, local)| {
+            let t = first + i;
+            let (cell, parent) = (&targets.cells[t], targets.nodes[t].parent as usize);
+            if level > 0 && self.layout.local[parent] {
+                let parent_len = self.expansion.local_len(level - 1);
+                let first_parent = targets.level(level - 1).start;
+                let from = terms(&above[level - 1], parent - first_parent, parent_len);
+                self.expansion.l2l(&targets.cells[parent], cell, from, local);
             }
-            locals.par_iter_mut().for_each(|term| *term = Additive::zero());
-
-            let cells = targets.level(level);
-            let starts = &self.lists.m2l.starts[cells.start..=cells.end];
-            if starts[0] != starts[cells.len()] {
-                let source_cells = sources.level(level);
-                let pairs = LevelPairs {
-                    level,
-                    sources: &sources.cells[source_cells.clone()],
-                    targets: &targets.cells[cells.clone()],
-                    starts,
-                    list: &self.lists.m2l.items,
-                    first_source: source_cells.start,
-                };
-                self.expansion.m2l_level(&pairs, &multipoles[level], locals);
+            for (k, &s) in p2l.of(t).iter().enumerate() {
+                let points = sources.nodes[s as usize].points();
+                let (ys, qs) = (&self.sources[points.clone()], &charges[points]);
+                let declined = self.expansion.p2l(cell, ys, qs, local) == Outcome::Declined;
+                p2l_declined[p2l.starts[t] + k].store(declined, Relaxed);
             }
-
-            let len = self.expansion.local_len(level);
-            let first = cells.start;
-            cells_mut(locals, len).for_each(|(i, local)| {
-                let t = first + i;
-                let (cell, parent) = (&targets.cells[t], targets.nodes[t].parent as usize);
-                if level > 0 && uses.local[parent] {
-                    let parent_len = self.expansion.local_len(level - 1);
-                    let first_parent = targets.level(level - 1).start;
-                    let from = terms(&above[level - 1], parent - first_parent, parent_len);
-                    self.expansion.l2l(&targets.cells[parent], cell, from, local);
-                }
-                for (k, &s) in p2l.of(t).iter().enumerate() {
-                    let points = sources.nodes[s as usize].points();
-                    let (ys, qs) = (&self.sources[points.clone()], &charges[points]);
-                    let declined = self.expansion.p2l(cell, ys, qs, local) == Outcome::Declined;
-                    p2l_declined[p2l.starts[t] as usize + k].store(declined, Relaxed);
-                }
-            });
-        }
+        });
     }
 
-    /// L2P, M2P and the near field at every target leaf.
-    fn evaluate(&self, workspace: &mut Workspace<E>) {
-        let Workspace { charges, values, multipoles, locals, p2l_declined, uses } = workspace;
-        let tree = &self.target_tree;
-        let mut rest = &mut values[..];
-        let mut leaves = Vec::with_capacity(self.target_leaves.len());
-        for &t in &self.target_leaves {
-            let (head, tail) = rest.split_at_mut(tree.nodes[t as usize].count());
-            leaves.push((t as usize, head));
-            rest = tail;
-        }
-        let far = Far { plan: self, charges, multipoles };
-        leaves.into_par_iter().for_each(|(t, us)| {
-            us.fill(Additive::zero());
+    /// Adds up what one sweep brings to the values at every target leaf.
+    fn evaluate(&self, workspace: &mut Workspace<E>, sweep: Sweep) {
+        let Workspace { charges, values, multipoles, locals, p2l_declined } = workspace;
+        let at_leaf = |t: usize, us: &mut [ValueOf<E>]| {
+            let tree = &self.target_tree;
             let xs = &self.targets[tree.nodes[t].points()];
-            if uses.local[t] {
+            if sweep.local {
+                us.fill(Additive::zero());
+            }
+            if sweep.local && self.layout.local[t] {
                 let cell = &tree.cells[t];
                 let len = self.expansion.local_len(cell.level());
                 let local = terms(&locals[cell.level()], t - tree.level(cell.level()).start, len);
                 self.expansion.l2p(cell, local, xs, us);
             }
-            for &s in self.lists.m2p.of(t) {
-                far.m2p(s, xs, us);
-            }
-            if self.scheme != Scheme::Direct {
+            if sweep.multipole {
+                let far = Far { plan: self, charges, multipoles };
+                for &s in self.lists.m2p.of(t) {
+                    far.m2p(s, xs, us);
+                }
                 self.inherited(t, &far, p2l_declined, xs, us);
             }
-            for run in self.lists.near.of(t) {
-                self.near(*run, charges, xs, us);
+            if sweep.near {
+                for run in self.lists.near.of(t) {
+                    self.near(*run, charges, xs, us);
+                }
             }
-        });
+        };
+        self.for_each_leaf(&self.layout.tasks, values, &at_leaf);
+    }
+
+    /// Calls `visit` for each target leaf of `tasks` with its part of `values`, in parallel.
+    fn for_each_leaf(
+        &self,
+        tasks: &[Range<usize>],
+        mut values: &mut [ValueOf<E>],
+        visit: &(impl Fn(usize, &mut [ValueOf<E>]) + Sync),
+    ) {
+        let tree = &self.target_tree;
+        let points = |leaf: usize| tree.nodes[tree.leaves[leaf] as usize].points();
+        match tasks {
+            [] => (),
+            [task] => {
+                for leaf in task.clone() {
+                    let (us, rest) = values.split_at_mut(points(leaf).len());
+                    visit(tree.leaves[leaf] as usize, us);
+                    values = rest;
+                }
+            }
+            _ => {
+                let (left, right) = tasks.split_at(tasks.len() / 2);
+                let middle = points(right[0].start).start - points(left[0].start).start;
+                let (before, after) = values.split_at_mut(middle);
+                rayon::join(
+                    || self.for_each_leaf(left, before, visit),
+                    || self.for_each_leaf(right, after, visit),
+                );
+            }
+        }
     }
 
     /// What the cells above a target leaf, and the leaf itself, have not put into local expansions:
-    /// in a treecode all of it, otherwise what P2L declined.
+    /// the M2L list of a treecode, and what P2L declined.
     fn inherited(
         &self,
         leaf: usize,
@@ -260,22 +337,17 @@ impl<E: Expansion> Plan<E> {
     ) {
         let treecode = self.scheme != Scheme::Fmm;
         let p2l = &self.lists.p2l;
-        let mut t = leaf;
-        loop {
+        for t in self.target_tree.path_to_root(leaf) {
             if treecode {
                 for &s in self.lists.m2l.of(t) {
                     far.m2p(s, xs, us);
                 }
             }
             for (k, &s) in p2l.of(t).iter().enumerate() {
-                if treecode || p2l_declined[p2l.starts[t] as usize + k].load(Relaxed) {
+                if p2l_declined[p2l.starts[t] + k].load(Relaxed) {
                     far.direct(s, xs, us);
                 }
             }
-            if t == 0 {
-                return;
-            }
-            t = self.target_tree.nodes[t].parent as usize;
         }
     }
 

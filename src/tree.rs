@@ -1,12 +1,14 @@
 //! The adaptive octree: cells in flat arrays, level after level, in Morton order.
 
 use std::ops::Range;
+use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
 use rayon::prelude::*;
 
 use crate::error::{Error, PointSet};
 use crate::geometry::{Cell, Cube, MAX_LEVEL};
-use crate::real::{Located, Point, Real, Vector};
+use crate::morton::{Keyed, coordinates, morton_key, sort};
+use crate::real::{Additive, Located, Point, Real, Vector};
 
 /// An octree over one set of points.
 ///
@@ -20,6 +22,8 @@ pub(crate) struct Tree<T: Real> {
     pub(crate) nodes: Vec<Node>,
     /// Where each level starts in `cells`; one more entry ends the last.
     pub(crate) level_starts: Vec<usize>,
+    /// All leaves in the order of their points.
+    pub(crate) leaves: Vec<u32>,
     /// The caller's index of each point in tree order.
     pub(crate) order: Vec<u32>,
 }
@@ -36,6 +40,10 @@ pub(crate) struct Node {
 }
 
 impl Node {
+    fn leaf(points: Range<u32>, parent: u32) -> Self {
+        Self { first: points.start, last: points.end, parent, first_child: 0, child_count: 0 }
+    }
+
     /// Its points, as a range in tree order.
     pub(crate) fn points(&self) -> Range<usize> {
         self.first as usize..self.last as usize
@@ -59,25 +67,35 @@ impl Node {
 
 impl<T: Real> Tree<T> {
     /// Sorts `points` into cells of at most `leaf_size` points. A cell is left larger only where
-    /// its points can't be told apart by their keys. O(N log N).
-    pub(crate) fn new(root: &Cube<T>, points: &[Point<T>], leaf_size: usize) -> Self {
-        let mut sorted: Vec<(u64, u32)> = points
-            .par_iter()
-            .enumerate()
-            .map(|(i, &p)| (morton_key(root.locate(p)), i as u32))
-            .collect();
-        sorted.par_sort_unstable();
+    /// its points can't be told apart by their keys. Points of a leaf keep their order. O(N) per
+    /// four levels.
+    pub(crate) fn new<P: Located<Real = T>>(
+        root: &Cube<T>,
+        points: &[P],
+        leaf_size: usize,
+    ) -> Self {
+        let keyed = |(i, p): (usize, &P)| {
+            let key = morton_key(root.locate(p.position()));
+            Keyed { key, index: i as u32 }
+        };
+        let mut sorted: Vec<Keyed> = points.par_iter().enumerate().map(keyed).collect();
+        let mut scratch: Vec<Keyed> = sorted.par_iter().map(|_| Keyed::default()).collect();
+        sort(&mut sorted, &mut scratch, leaf_size);
 
-        let mut tree =
-            Self { cells: Vec::new(), nodes: Vec::new(), level_starts: vec![0], order: Vec::new() };
+        let mut tree = Self {
+            cells: Vec::new(),
+            nodes: Vec::new(),
+            level_starts: vec![0],
+            leaves: Vec::new(),
+            order: sorted.par_iter().map(|item| item.index).collect(),
+        };
         if !points.is_empty() {
             tree.cells.push(Cell::new(root, 0, [0; 3]));
-            let last = points.len() as u32;
-            tree.nodes.push(Node { first: 0, last, parent: 0, first_child: 0, child_count: 0 });
+            tree.nodes.push(Node::leaf(0..points.len() as u32, 0));
             tree.level_starts.push(1);
             while tree.split_last_level(root, &sorted, leaf_size) {}
+            tree.collect_leaves();
         }
-        tree.order = sorted.into_iter().map(|(_, i)| i).collect();
         tree
     }
 
@@ -95,150 +113,162 @@ impl<T: Real> Tree<T> {
         }
     }
 
-    /// All leaves in the order of their points.
-    pub(crate) fn leaves(&self) -> Vec<u32> {
-        let mut leaves: Vec<u32> =
-            (0..self.nodes.len() as u32).filter(|&c| self.nodes[c as usize].is_leaf()).collect();
-        leaves.par_sort_unstable_by_key(|&c| self.nodes[c as usize].first);
-        leaves
+    /// A cell, its parent, and so on up to the root.
+    pub(crate) fn path_to_root(&self, cell: usize) -> impl Iterator<Item = usize> {
+        let above = |&c: &usize| (c > 0).then(|| self.nodes[c].parent as usize);
+        std::iter::successors(Some(cell), above)
+    }
+
+    /// The place in tree order of each of the caller's points: the inverse of `order`.
+    pub(crate) fn ranks(&self) -> Vec<u32> {
+        // Atomic stores let all threads write to scattered places.
+        let ranks: Vec<AtomicU32> = self.order.par_iter().map(|_| AtomicU32::new(0)).collect();
+        let set = |(rank, &i): (usize, &u32)| ranks[i as usize].store(rank as u32, Relaxed);
+        self.order.par_iter().enumerate().for_each(set);
+        ranks.into_iter().map(AtomicU32::into_inner).collect()
+    }
+
+    /// Its size in memory.
+    pub(crate) fn bytes(&self) -> usize {
+        size_of_val(&self.cells[..])
+            + size_of_val(&self.nodes[..])
+            + size_of_val(&self.leaves[..])
+            + size_of_val(&self.order[..])
     }
 
     /// Splits every cell of the deepest level that is too full; whether there was one.
-    fn split_last_level(
-        &mut self,
-        root: &Cube<T>,
-        sorted: &[(u64, u32)],
-        leaf_size: usize,
-    ) -> bool {
+    fn split_last_level(&mut self, root: &Cube<T>, sorted: &[Keyed], leaf_size: usize) -> bool {
         let level = self.levels();
-        let parents = self.level(level - 1);
         if level > MAX_LEVEL {
             return false;
         }
+        let parents = self.level(level - 1);
         let shift = 3 * (MAX_LEVEL - level) as u32;
-        let children: Vec<Vec<Node>> = parents
-            .clone()
-            .into_par_iter()
-            .map(|p| {
-                let points = self.nodes[p].points();
-                let splits =
-                    points.len() > leaf_size && sorted[points.start].0 != sorted[points.end - 1].0;
-                if splits { split(&sorted[points.clone()], points.start, shift, p) } else { vec![] }
+        let octant_ends: Vec<Option<[u32; 8]>> = self.nodes[parents.clone()]
+            .par_iter()
+            .map(|node| {
+                let points = node.points();
+                let splits = points.len() > leaf_size
+                    && sorted[points.start].key != sorted[points.end - 1].key;
+                splits.then(|| octant_ends(&sorted[points], node.first, shift))
             })
             .collect();
-        for (p, children) in parents.zip(children) {
-            self.nodes[p].first_child = self.nodes.len() as u32;
-            self.nodes[p].child_count = children.len() as u32;
-            for child in children {
-                let key = sorted[child.first as usize].0 >> shift;
-                self.cells.push(Cell::new(root, level, coordinates(key)));
-                self.nodes.push(child);
+        for (p, ends) in parents.zip(octant_ends) {
+            let Some(ends) = ends else { continue };
+            let (first_child, mut first) = (self.nodes.len() as u32, self.nodes[p].first);
+            for last in ends {
+                if first < last {
+                    self.nodes.push(Node::leaf(first..last, p as u32));
+                }
+                first = last;
             }
+            self.nodes[p].first_child = first_child;
+            self.nodes[p].child_count = self.nodes.len() as u32 - first_child;
         }
-        let grown = self.cells.len() > self.level_starts[level];
-        if grown {
+        let grown = &self.nodes[self.cells.len()..];
+        self.cells.par_extend(grown.par_iter().map(|node| {
+            let key = sorted[node.first as usize].key >> shift;
+            Cell::new(root, level, coordinates(key))
+        }));
+        let grows = !grown.is_empty();
+        if grows {
             self.level_starts.push(self.cells.len());
         }
-        grown
+        grows
     }
-}
 
-/// The root cube of both sets together.
-pub(crate) fn root_cube<T: Real>(
-    sources: &[Point<T>],
-    targets: &[Point<T>],
-) -> Result<Cube<T>, Error> {
-    let mut low = [T::infinity(); 3];
-    let mut high = [T::neg_infinity(); 3];
-    for p in sources.iter().chain(targets) {
-        for (k, x) in p.to_array().into_iter().enumerate() {
-            low[k] = low[k].min(x);
-            high[k] = high[k].max(x);
+    /// Lists the leaves depth first, which is the order of their points.
+    fn collect_leaves(&mut self) {
+        let mut open = vec![0];
+        while let Some(c) = open.pop() {
+            let node = &self.nodes[c as usize];
+            if node.is_leaf() {
+                self.leaves.push(c);
+            }
+            open.extend(node.children().rev().map(|child| child as u32));
         }
     }
-    if sources.is_empty() && targets.is_empty() {
-        return Ok(Cube::new(Point::<T>::default(), T::from_f64(1.0)));
-    }
-    let half = T::from_f64(0.5);
-    let centre: [T; 3] = std::array::from_fn(|k| half * low[k] + half * high[k]);
-    let half_width = (0..3)
-        .map(|k| (high[k] - centre[k]).max(centre[k] - low[k]))
-        .fold(T::from_f64(0.0), |a, b| a.max(b));
-    let limit = T::max_value() * T::from_f64(0.125);
-    if half_width > limit {
-        let extent = (0..3).map(|k| high[k].as_f64() - low[k].as_f64()).fold(0.0, f64::max);
-        return Err(Error::ExtentTooLarge { extent, limit: 2.0 * limit.as_f64() });
-    }
-    Ok(Cube::new(Point::<T>::from_array(centre), half_width))
 }
 
-/// The positions of a set, checked.
-pub(crate) fn positions<P: Located>(
-    set: PointSet,
-    points: &[P],
-) -> Result<Vec<Point<P::Real>>, Error> {
-    let limit = u32::MAX as usize / 2;
-    if points.len() > limit {
-        return Err(Error::TooManyPoints { set, limit, found: points.len() });
-    }
-    let positions: Vec<_> = points.par_iter().map(Located::position).collect();
-    let finite = |p: &Point<P::Real>| p.to_array().iter().all(|x| x.as_f64().is_finite());
-    match positions.par_iter().position_first(|p| !finite(p)) {
-        Some(index) => {
-            let position = positions[index].to_array().map(Real::as_f64);
-            Err(Error::NonFinitePosition { set, index, position })
+/// The smallest box around a set of points.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Bounds<T> {
+    low: [T; 3],
+    high: [T; 3],
+}
+
+impl<T: Real> Bounds<T> {
+    /// The box around `points`, which belong to `set`; an error if a coordinate is not finite or if
+    /// there are too many points.
+    pub(crate) fn new<P: Located<Real = T>>(set: PointSet, points: &[P]) -> Result<Self, Error> {
+        let limit = u32::MAX as usize / 2;
+        if points.len() > limit {
+            return Err(Error::TooManyPoints { set, limit, found: points.len() });
         }
-        None => Ok(positions),
+        let finite = |p: &P| p.position().is_finite();
+        let (bounds, all_finite) = points
+            .par_chunks(CHUNK)
+            .map(|points| (Self::around(points), points.iter().all(finite)))
+            .reduce(|| (Self::around::<P>(&[]), true), |(a, x), (b, y)| (a.join(b), x && y));
+        match points.iter().position(|p| !all_finite && !finite(p)) {
+            Some(index) => {
+                let position = points[index].position().to_array().map(Real::as_f64);
+                Err(Error::NonFinitePosition { set, index, position })
+            }
+            None => Ok(bounds),
+        }
+    }
+
+    /// The box around both.
+    pub(crate) fn join(self, other: Self) -> Self {
+        Self {
+            low: std::array::from_fn(|k| self.low[k].min(other.low[k])),
+            high: std::array::from_fn(|k| self.high[k].max(other.high[k])),
+        }
+    }
+
+    /// The root cube of everything in the box.
+    pub(crate) fn root_cube(&self) -> Result<Cube<T>, Error> {
+        let Self { low, high } = self;
+        if low[0] > high[0] {
+            return Ok(Cube::new(Point::<T>::default(), T::from_f64(1.0)));
+        }
+        let half = T::from_f64(0.5);
+        let centre: [T; 3] = std::array::from_fn(|k| half * low[k] + half * high[k]);
+        let half_width = (0..3)
+            .map(|k| (high[k] - centre[k]).max(centre[k] - low[k]))
+            .fold(T::from_f64(0.0), |a, b| a.max(b));
+        let limit = T::max_value() * T::from_f64(0.125);
+        if half_width > limit {
+            let extent = (0..3).map(|k| high[k].as_f64() - low[k].as_f64()).fold(0.0, f64::max);
+            return Err(Error::ExtentTooLarge { extent, limit: 2.0 * limit.as_f64() });
+        }
+        Ok(Cube::new(Point::<T>::from_array(centre), half_width))
+    }
+
+    /// The box around finite points.
+    fn around<P: Located<Real = T>>(points: &[P]) -> Self {
+        let mut bounds = Self { low: [T::infinity(); 3], high: [T::neg_infinity(); 3] };
+        for p in points {
+            for (k, x) in p.position().to_array().into_iter().enumerate() {
+                bounds.low[k] = if x < bounds.low[k] { x } else { bounds.low[k] };
+                bounds.high[k] = if x > bounds.high[k] { x } else { bounds.high[k] };
+            }
+        }
+        bounds
     }
 }
 
-/// The children of a cell that holds `points`, the first of which has the tree position `start`.
-fn split(points: &[(u64, u32)], start: usize, shift: u32, parent: usize) -> Vec<Node> {
-    let mut children = Vec::with_capacity(8);
-    let mut first = 0;
-    while first < points.len() {
-        let key = points[first].0 >> shift;
-        let count = points[first..].partition_point(|&(k, _)| k >> shift == key);
-        children.push(Node {
-            first: (start + first) as u32,
-            last: (start + first + count) as u32,
-            parent: parent as u32,
-            first_child: 0,
-            child_count: 0,
-        });
-        first += count;
-    }
-    children
-}
+/// Points per task of a sweep over all of them.
+const CHUNK: usize = 4096;
 
-/// Interleaves three 21-bit coordinates; x takes the lowest bit of each triple.
-fn morton_key([x, y, z]: [u32; 3]) -> u64 {
-    spread(x) | spread(y) << 1 | spread(z) << 2
-}
-
-/// Undoes [`morton_key`].
-fn coordinates(key: u64) -> [u32; 3] {
-    [gather(key), gather(key >> 1), gather(key >> 2)]
-}
-
-/// Moves bit i to bit 3i.
-fn spread(x: u32) -> u64 {
-    let mut x = u64::from(x);
-    x = (x | x << 32) & 0x001f_0000_0000_ffff;
-    x = (x | x << 16) & 0x001f_0000_ff00_00ff;
-    x = (x | x << 8) & 0x100f_00f0_0f00_f00f;
-    x = (x | x << 4) & 0x10c3_0c30_c30c_30c3;
-    (x | x << 2) & 0x1249_2492_4924_9249
-}
-
-/// Moves bit 3i to bit i.
-fn gather(key: u64) -> u32 {
-    let mut x = key & 0x1249_2492_4924_9249;
-    x = (x | x >> 2) & 0x10c3_0c30_c30c_30c3;
-    x = (x | x >> 4) & 0x100f_00f0_0f00_f00f;
-    x = (x | x >> 8) & 0x001f_0000_ff00_00ff;
-    x = (x | x >> 16) & 0x001f_0000_0000_ffff;
-    (x | x >> 32) as u32 & 0x001f_ffff
+/// Where each octant of a cell ends that holds `points`, the first of which has the tree position
+/// `start`.
+fn octant_ends(points: &[Keyed], start: u32, shift: u32) -> [u32; 8] {
+    std::array::from_fn(|octant| {
+        let count = points.partition_point(|item| (item.key >> shift) as usize % 8 <= octant);
+        start + count as u32
+    })
 }
 
 #[cfg(test)]
@@ -247,7 +277,11 @@ mod tests {
     use glam::DVec3;
 
     fn build(points: &[DVec3], leaf_size: usize) -> Tree<f64> {
-        Tree::new(&root_cube(points, &[]).unwrap(), points, leaf_size)
+        Tree::new(
+            &Bounds::new(PointSet::Sources, points).unwrap().root_cube().unwrap(),
+            points,
+            leaf_size,
+        )
     }
 
     fn check(tree: &Tree<f64>, points: &[DVec3], leaf_size: usize) {
@@ -272,20 +306,14 @@ mod tests {
                 assert_eq!(tree.cells[c].level(), tree.levels() - 1);
             }
         }
-        let leaves = tree.leaves();
-        assert_eq!(
-            leaves.iter().map(|&l| tree.nodes[l as usize].count()).sum::<usize>(),
-            points.len()
-        );
-    }
-
-    #[test]
-    fn keys_interleave_and_come_apart() {
-        assert_eq!(morton_key([1, 0, 0]), 1);
-        assert_eq!(morton_key([0, 1, 2]), 0b100_010);
-        for c in [[0, 1, 2], [77_777, 1 << 20, 3], [(1 << 21) - 1; 3]] {
-            assert_eq!(coordinates(morton_key(c)), c);
+        let mut next = 0;
+        for &leaf in &tree.leaves {
+            assert_eq!(tree.nodes[leaf as usize].points().start, next, "leaves in order");
+            next = tree.nodes[leaf as usize].points().end;
         }
+        assert_eq!(next, points.len());
+        let ranks = tree.ranks();
+        assert!(ranks.iter().enumerate().all(|(i, &r)| tree.order[r as usize] as usize == i));
     }
 
     #[test]
@@ -309,7 +337,7 @@ mod tests {
         pair.push(DVec3::ONE);
         let tree = build(&pair, 8);
         assert_eq!(tree.levels(), 2);
-        assert_eq!(tree.leaves().len(), 2);
+        assert_eq!(tree.leaves.len(), 2);
     }
 
     #[test]
@@ -323,6 +351,7 @@ mod tests {
     #[test]
     fn an_extent_that_overflows_is_refused() {
         let points = [DVec3::X * 1e308, DVec3::X * -1e308];
-        assert!(matches!(root_cube::<f64>(&points, &[]), Err(Error::ExtentTooLarge { .. })));
+        let bounds = Bounds::new(PointSet::Sources, &points).unwrap();
+        assert!(matches!(bounds.root_cube(), Err(Error::ExtentTooLarge { .. })));
     }
 }

@@ -123,6 +123,9 @@ fn any_number_of_threads_gives_the_same_bits() {
             let fmm = builder.build(&points, &targets).unwrap();
             let values = fmm.apply(&charges).unwrap();
             assert_eq!(values, fmm.apply(&charges).unwrap(), "a second application");
+            let (timed, times) = fmm.apply_timed(&charges).unwrap();
+            assert_eq!(values, timed, "operator by operator");
+            assert_eq!(times.m2l > 0.0, scheme == Scheme::Fmm, "{times:?}");
             values
         })
     };
@@ -266,4 +269,30 @@ fn a_tolerance_out_of_reach_is_refused_with_what_can_be_reached() {
     assert_eq!(requested, 1e-13);
     assert!(reachable > requested && reachable < 1e-4, "{reachable:e}");
     assert!(build(1e-2).is_ok());
+}
+
+#[test]
+fn the_memory_of_a_plan_is_accounted_for() {
+    let (points, others) = (clouds::cube(4000, 1), clouds::cube(1000, 2));
+    let stats = |sources: &[DVec3], targets: &[DVec3]| {
+        let plan = Fmm::with_expansion(Counting::<f64>::new()).leaf_size(20);
+        plan.build(sources, targets).unwrap().stats().clone()
+    };
+    let [alone, shared, apart] =
+        [stats(&points, &[]), stats(&points, &points), stats(&points, &others)];
+    let point = size_of::<DVec3>();
+    let index = size_of::<u32>();
+    assert_eq!(
+        shared.tree_bytes - alone.tree_bytes,
+        4000 * (point + index),
+        "one tree serves both"
+    );
+    assert!(apart.tree_bytes > alone.tree_bytes + 1000 * (point + 2 * index));
+    let pairs = |stats: &Stats| stats.cell_pairs.iter().sum::<u64>() as usize;
+    assert!(shared.list_bytes > pairs(&shared) * index);
+    // Charges, values, and one term of either kind for every cell below the second level.
+    assert!(shared.workspace_bytes > 8 * (2 * 4000 + 2 * (shared.cells - 73)));
+    assert!(shared.workspace_bytes <= 8 * (2 * 4000 + 2 * shared.cells));
+    let bytes = shared.plan_bytes() + shared.workspace_bytes;
+    assert_eq!(shared.bytes_per_point(), bytes as f64 / 4000.0);
 }

@@ -1,7 +1,10 @@
 //! The four lists partition all pairs, under any mask.
 
 use farfield::conformance::Counting;
-use farfield::{CellView, Coverage, Fmm, Located, Mask, Scheme, direct_masked};
+use farfield::{
+    Cell, CellView, Coverage, Error, Expansion, Fmm, Geometry, Located, Mask, Outcome, Scheme,
+    Stats, direct_masked,
+};
 use glam::DVec3;
 use proptest::prelude::*;
 
@@ -42,10 +45,87 @@ impl Mask<Counting<f64>> for SameSide {
     }
 }
 
-fn check(sources: &[DVec3], targets: &[DVec3], mask: SameSide, leaf_size: usize, scheme: Scheme) {
+/// The counting kernel with prices for M2P and P2L that are known only once it is prepared.
+#[derive(Clone, Copy, Debug)]
+struct Priced {
+    count: Counting<f64>,
+    prices: [usize; 2],
+    prepared: bool,
+}
+
+impl Priced {
+    /// With the prices of M2P at a target and of P2L of a source, in pairs.
+    fn new(prices: [usize; 2]) -> Self {
+        Self { count: Counting::new(), prices, prepared: false }
+    }
+
+    fn price(&self, operator: usize) -> usize {
+        if self.prepared { self.prices[operator] } else { 0 }
+    }
+}
+
+impl Expansion for Priced {
+    type Kernel = Counting<f64>;
+    type MultipoleTerm = f64;
+    type LocalTerm = f64;
+
+    fn kernel(&self) -> &Counting<f64> {
+        &self.count
+    }
+    fn multipole_len(&self, level: usize) -> usize {
+        self.count.multipole_len(level)
+    }
+    fn local_len(&self, level: usize) -> usize {
+        self.count.local_len(level)
+    }
+    fn prepare(&mut self, _: &Geometry<f64>) -> Result<(), Error> {
+        self.prepared = true;
+        Ok(())
+    }
+    fn m2p_pairs(&self, _: usize) -> usize {
+        self.price(0)
+    }
+    fn p2l_pairs(&self, _: usize) -> usize {
+        self.price(1)
+    }
+    fn p2m(&self, cell: &Cell<f64>, sources: &[DVec3], charges: &[f64], multipole: &mut [f64]) {
+        self.count.p2m(cell, sources, charges, multipole);
+    }
+    fn m2m(&self, child: &Cell<f64>, parent: &Cell<f64>, from: &[f64], to: &mut [f64]) {
+        self.count.m2m(child, parent, from, to);
+    }
+    fn m2l(&self, source: &Cell<f64>, target: &Cell<f64>, from: &[f64], to: &mut [f64]) {
+        self.count.m2l(source, target, from, to);
+    }
+    fn l2l(&self, parent: &Cell<f64>, child: &Cell<f64>, from: &[f64], to: &mut [f64]) {
+        self.count.l2l(parent, child, from, to);
+    }
+    fn l2p(&self, cell: &Cell<f64>, local: &[f64], targets: &[DVec3], values: &mut [f64]) {
+        self.count.l2p(cell, local, targets, values);
+    }
+    fn m2p(&self, cell: &Cell<f64>, m: &[f64], targets: &[DVec3], values: &mut [f64]) -> Outcome {
+        self.count.m2p(cell, m, targets, values)
+    }
+    fn p2l(&self, cell: &Cell<f64>, sources: &[DVec3], q: &[f64], local: &mut [f64]) -> Outcome {
+        assert!(self.price(1) < NEVER, "P2L where it never pays");
+        self.count.p2l(cell, sources, q, local)
+    }
+}
+
+/// The price of an operator that never pays.
+const NEVER: usize = usize::MAX;
+
+fn check(
+    sources: &[DVec3],
+    targets: &[DVec3],
+    mask: SameSide,
+    leaf_size: usize,
+    scheme: Scheme,
+    prices: [usize; 2],
+) {
     let kernel = Counting::<f64>::new();
     let charges: Vec<f64> = (0..sources.len()).map(|i| (i % 7) as f64 - 2.0).collect();
-    let fmm = Fmm::with_expansion(kernel)
+    let fmm = Fmm::with_expansion(Priced::new(prices))
         .mask(&mask)
         .leaf_size(leaf_size)
         .scheme(scheme)
@@ -74,6 +154,7 @@ proptest! {
         scheme in 0usize..4,
         certify in any::<bool>(),
         warp in 0.2f64..4.0,
+        prices in prop::array::uniform2(prop_oneof![0usize..40, Just(NEVER)]),
     ) {
         let mut random = Random::new(seed);
         let mut cloud = |n| -> Vec<DVec3> {
@@ -82,7 +163,7 @@ proptest! {
         let sources = cloud(sources);
         let targets = if shared { sources.clone() } else { cloud(targets) };
         let mask = SameSide { normal: DVec3::new(1.0, 0.3, -0.2), offset: 0.3, certify };
-        check(&sources, &targets, mask, leaf_size, SCHEMES[scheme]);
+        check(&sources, &targets, mask, leaf_size, SCHEMES[scheme], prices);
     }
 }
 
@@ -91,7 +172,7 @@ fn masked_sums_use_the_far_field_and_offsets_beyond_three() {
     let points = clouds::cube(6000, 1);
     let mask = SameSide { normal: DVec3::X, offset: 0.5001, certify: true };
     for scheme in SCHEMES {
-        check(&points, &points, mask, 12, scheme);
+        check(&points, &points, mask, 12, scheme, [1, 1]);
     }
     let fmm = Fmm::with_expansion(Counting::<f64>::new()).mask(mask).leaf_size(12);
     let fmm = fmm.build(&points, &points).unwrap();
@@ -100,4 +181,46 @@ fn masked_sums_use_the_far_field_and_offsets_beyond_three() {
     let unmasked = unmasked.build(&points, &points).unwrap();
     assert!(stats.expansion_pairs > 10_000_000, "{stats:?}");
     assert!(stats.mask_bytes > 0 && unmasked.stats().mask_bytes == 0);
+}
+
+fn priced(sources: &[DVec3], targets: &[DVec3], scheme: Scheme, prices: [usize; 2]) -> Stats {
+    let builder = Fmm::with_expansion(Priced::new(prices)).leaf_size(8).scheme(scheme);
+    let fmm = builder.build(sources, targets).unwrap();
+    let charges: Vec<f64> = (0..sources.len()).map(|i| (i % 7) as f64 - 2.0).collect();
+    let total: f64 = charges.iter().sum();
+    assert_eq!(fmm.apply(&charges).unwrap(), vec![total; targets.len()], "{prices:?}");
+    let stats = fmm.stats();
+    let pairs = (sources.len() * targets.len()) as u64;
+    assert_eq!(stats.expansion_pairs + stats.direct_pairs, pairs, "{prices:?}");
+    stats.clone()
+}
+
+#[test]
+fn expansions_are_used_only_where_they_pay() {
+    // Clouds so different that leaves of each meet smaller cells of the other.
+    let (sources, targets) = (clouds::plummer(4000, 1), clouds::sphere(3000, 2));
+    let stats = |prices| priced(&sources, &targets, Scheme::Fmm, prices);
+    let [m2l, m2p, p2l] = stats([0, 0]).cell_pairs;
+    assert!(m2p > 0 && p2l > 0);
+    assert_eq!(stats([NEVER, 0]).cell_pairs, [m2l, 0, p2l]);
+    assert_eq!(stats([0, NEVER]).cell_pairs, [m2l, m2p, 0]);
+    assert_eq!(stats([NEVER, NEVER]).cell_pairs, [m2l, 0, 0]);
+    let [_, some_m2p, some_p2l] = stats([8, 8]).cell_pairs;
+    assert!(0 < some_m2p && some_m2p < m2p, "{some_m2p} of {m2p}");
+    assert!(0 < some_p2l && some_p2l < p2l, "{some_p2l} of {p2l}");
+    let direct = |prices| stats(prices).direct_pairs;
+    assert!(direct([0, 0]) < direct([8, 8]) && direct([8, 8]) < direct([NEVER, NEVER]));
+}
+
+#[test]
+fn treecodes_sum_small_cells_directly() {
+    let points = clouds::plummer(3000, 1);
+    for m2m in [false, true] {
+        let stats = |price| priced(&points, &points, Scheme::Treecode { m2m }, [price, 0]);
+        let [free, some, never] = [0, 20, NEVER].map(stats);
+        assert_eq!(never.cell_pairs, [0; 3]);
+        assert_eq!(never.expansion_pairs, 0);
+        assert!(0 < some.cell_pairs[0] && some.cell_pairs[0] < free.cell_pairs[0]);
+        assert_eq!(free.cell_pairs[2], 0, "without locals there is no P2L");
+    }
 }

@@ -1,0 +1,216 @@
+//! Morton order: keys that interleave three coordinates, and a parallel radix sort by them.
+
+use rayon::prelude::*;
+
+/// The key of a point with the point's index.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Keyed {
+    pub(crate) key: u64,
+    pub(crate) index: u32,
+}
+
+/// Interleaves three 21-bit coordinates; x takes the lowest bit of each triple.
+pub(crate) fn morton_key([x, y, z]: [u32; 3]) -> u64 {
+    spread(x) | spread(y) << 1 | spread(z) << 2
+}
+
+/// Undoes [`morton_key`].
+pub(crate) fn coordinates(key: u64) -> [u32; 3] {
+    [gather(key), gather(key >> 1), gather(key >> 2)]
+}
+
+/// Sorts `items` by key as far as an octree of leaves of at most `leaf_size` looks: items of an
+/// octant that holds no more than that stay in the order they came in, and so do equal keys.
+/// `scratch` is as long as `items`; what it holds afterwards has no meaning. O(N) per 12 bits of the
+/// key that matter.
+pub(crate) fn sort(items: &mut [Keyed], scratch: &mut [Keyed], leaf_size: usize) {
+    if items.len() <= leaf_size.max(1) {
+        return;
+    }
+    if items.len() <= SMALL {
+        return items.sort_by_key(|item| item.key);
+    }
+    let Some(digit) = Digit::leading(items, leaf_size) else { return };
+    if items.len() <= CHUNK {
+        let sizes = digit.distribute(items, scratch);
+        items.copy_from_slice(scratch);
+        for (items, scratch) in split(items, &sizes).into_iter().zip(split(scratch, &sizes)) {
+            sort(items, scratch, leaf_size);
+        }
+        return;
+    }
+    let sizes = digit.distribute_parallel(items, scratch);
+    split(items, &sizes)
+        .into_par_iter()
+        .zip(split(scratch, &sizes))
+        .for_each(|(items, scratch)| sort(items, scratch, leaf_size));
+}
+
+/// So few items are sorted by comparison.
+const SMALL: usize = 48;
+
+/// Items per task: they and their copy fit the cache.
+const CHUNK: usize = 1 << 15;
+
+/// The most octree levels in one digit: its counters fit the nearest cache.
+const DIGIT_LEVELS: u32 = 4;
+
+/// Some bits of a key, whole octree levels of them.
+#[derive(Clone, Copy)]
+struct Digit {
+    shift: u32,
+    bits: u32,
+}
+
+impl Digit {
+    /// The highest levels in which keys differ, so many that octants of about `leaf_size` items
+    /// remain; none if all keys are equal.
+    fn leading(items: &[Keyed], leaf_size: usize) -> Option<Self> {
+        let first = items[0].key;
+        let differing = items
+            .par_iter()
+            .with_min_len(CHUNK)
+            .map(|item| item.key ^ first)
+            .reduce(|| 0, |a, b| a | b);
+        let levels = (u64::BITS - differing.leading_zeros()).div_ceil(3);
+        let wanted = (items.len() / leaf_size.max(1)).ilog2() / 3;
+        let taken = wanted.clamp(1, DIGIT_LEVELS).min(levels);
+        (levels > 0).then(|| Self { shift: 3 * (levels - taken), bits: 3 * taken })
+    }
+
+    fn of(self, item: &Keyed) -> usize {
+        (item.key >> self.shift) as usize & ((1 << self.bits) - 1)
+    }
+
+    /// Copies `from` to `to` in the order of the digit; how many items each of its values has.
+    fn distribute(self, from: &[Keyed], to: &mut [Keyed]) -> Vec<usize> {
+        let mut sizes = vec![0; 1 << self.bits];
+        for item in from {
+            sizes[self.of(item)] += 1;
+        }
+        let mut next = starts(&sizes);
+        for item in from {
+            let place = &mut next[self.of(item)];
+            to[*place] = *item;
+            *place += 1;
+        }
+        sizes
+    }
+
+    /// Sorts `items` by the digit: chunk by chunk into `scratch`, then value by value back.
+    fn distribute_parallel(self, items: &mut [Keyed], scratch: &mut [Keyed]) -> Vec<usize> {
+        let chunk_sizes: Vec<Vec<usize>> = items
+            .par_chunks(CHUNK)
+            .zip(scratch.par_chunks_mut(CHUNK))
+            .map(|(from, to)| self.distribute(from, to))
+            .collect();
+        let chunk_starts: Vec<Vec<usize>> = chunk_sizes.iter().map(|sizes| starts(sizes)).collect();
+        let mut sizes = vec![0; 1 << self.bits];
+        for chunk in &chunk_sizes {
+            sizes.iter_mut().zip(chunk).for_each(|(sum, size)| *sum += size);
+        }
+        split(items, &sizes).into_par_iter().enumerate().for_each(|(value, mut to)| {
+            for (chunk, from) in scratch.chunks(CHUNK).enumerate() {
+                let size = chunk_sizes[chunk][value];
+                let (head, tail) = to.split_at_mut(size);
+                head.copy_from_slice(&from[chunk_starts[chunk][value]..][..size]);
+                to = tail;
+            }
+        });
+        sizes
+    }
+}
+
+/// Where each of consecutive stretches starts.
+fn starts(sizes: &[usize]) -> Vec<usize> {
+    let mut end = 0;
+    let start_of = |&size| {
+        let start = end;
+        end += size;
+        start
+    };
+    sizes.iter().map(start_of).collect()
+}
+
+/// Consecutive stretches of the given sizes.
+fn split<'a, V>(mut all: &'a mut [V], sizes: &[usize]) -> Vec<&'a mut [V]> {
+    let take = |&size| {
+        let (head, tail) = std::mem::take(&mut all).split_at_mut(size);
+        all = tail;
+        head
+    };
+    sizes.iter().map(take).collect()
+}
+
+/// Moves bit i to bit 3i.
+fn spread(x: u32) -> u64 {
+    let mut x = u64::from(x);
+    x = (x | x << 32) & 0x001f_0000_0000_ffff;
+    x = (x | x << 16) & 0x001f_0000_ff00_00ff;
+    x = (x | x << 8) & 0x100f_00f0_0f00_f00f;
+    x = (x | x << 4) & 0x10c3_0c30_c30c_30c3;
+    (x | x << 2) & 0x1249_2492_4924_9249
+}
+
+/// Moves bit 3i to bit i.
+fn gather(key: u64) -> u32 {
+    let mut x = key & 0x1249_2492_4924_9249;
+    x = (x | x >> 2) & 0x10c3_0c30_c30c_30c3;
+    x = (x | x >> 4) & 0x100f_00f0_0f00_f00f;
+    x = (x | x >> 8) & 0x001f_0000_ff00_00ff;
+    x = (x | x >> 16) & 0x001f_0000_0000_ffff;
+    (x | x >> 32) as u32 & 0x001f_ffff
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn keys_interleave_and_come_apart() {
+        assert_eq!(morton_key([1, 0, 0]), 1);
+        assert_eq!(morton_key([0, 1, 2]), 0b100_010);
+        for c in [[0, 1, 2], [77_777, 1 << 20, 3], [(1 << 21) - 1; 3]] {
+            assert_eq!(coordinates(morton_key(c)), c);
+        }
+    }
+
+    /// Keys of `bits` significant bits, many of them equal, under a common prefix.
+    fn scattered(n: usize, bits: u32) -> Vec<Keyed> {
+        let mut state = 1u64;
+        let mut next = |index| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            Keyed { key: 1 << 60 | state >> (64 - bits), index }
+        };
+        (0..n as u32).map(&mut next).collect()
+    }
+
+    #[test]
+    fn sorting_to_the_last_octant_is_a_stable_sort() {
+        for (n, bits) in [(0, 9), (1, 9), (40, 3), (3000, 40), (3 * CHUNK + 7, 11), (2 * CHUNK, 50)]
+        {
+            let mut items = scattered(n, bits);
+            let mut expected = items.clone();
+            expected.sort_by_key(|item| (item.key, item.index));
+            sort(&mut items, &mut vec![Keyed::default(); n], 1);
+            assert_eq!(items, expected, "{n} items of {bits} bits");
+        }
+    }
+
+    #[test]
+    fn octants_larger_than_a_leaf_are_sorted_by_their_children() {
+        let leaf_size = 50;
+        let mut items = scattered(2 * CHUNK, 30);
+        let n = items.len();
+        sort(&mut items, &mut vec![Keyed::default(); n], leaf_size);
+        for level in 1..10 {
+            let shift = 30 - 3 * level;
+            for octant in items.chunk_by(|a, b| a.key >> (shift + 3) == b.key >> (shift + 3)) {
+                let sorted = octant.is_sorted_by_key(|item| item.key >> shift);
+                assert!(sorted || octant.len() <= leaf_size, "level {level}");
+                let stable = octant.is_sorted_by_key(|item| item.index);
+                assert!(sorted || stable || octant.len() > leaf_size, "level {level}");
+            }
+        }
+    }
+}

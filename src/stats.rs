@@ -1,0 +1,106 @@
+//! What a plan consists of.
+
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use crate::expansion::Expansion;
+use crate::lists::{ALL, Lists};
+use crate::passes::{Plan, Workspace};
+
+/// What a plan consists of.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stats {
+    /// Number of sources.
+    pub sources: usize,
+    /// Number of targets.
+    pub targets: usize,
+    /// Number of cells of the source tree and the target tree, counted once if they are shared.
+    pub cells: usize,
+    /// Level of the deepest cell.
+    pub depth: usize,
+    /// The largest number of points that a leaf was allowed.
+    pub leaf_size: usize,
+    /// Multipole terms of a leaf at the deepest level.
+    pub terms_per_cell: usize,
+    /// Pairs of points that an expansion carries.
+    pub expansion_pairs: u64,
+    /// Pairs of points that are summed directly.
+    pub direct_pairs: u64,
+    /// Pairs of cells by M2L, M2P and P2L.
+    pub cell_pairs: [u64; 3],
+    /// Bytes of the trees and of the points in tree order.
+    pub tree_bytes: usize,
+    /// Bytes of the interaction lists.
+    pub list_bytes: usize,
+    /// Bytes of the remembered mask.
+    pub mask_bytes: usize,
+    /// Bytes of the charges, values and terms that one application works on; they are kept for the
+    /// next. As many as there are applications at the same time.
+    pub workspace_bytes: usize,
+}
+
+impl Stats {
+    /// Bytes of trees, points, lists and mask. The expansion's operators are not among them.
+    pub fn plan_bytes(&self) -> usize {
+        self.tree_bytes + self.list_bytes + self.mask_bytes
+    }
+
+    /// Bytes of the plan and one workspace, per point of the larger set.
+    pub fn bytes_per_point(&self) -> f64 {
+        let bytes = self.plan_bytes() + self.workspace_bytes;
+        bytes as f64 / self.sources.max(self.targets).max(1) as f64
+    }
+}
+
+pub(crate) fn stats<E: Expansion>(plan: &Plan<E>, leaf_size: usize) -> Stats {
+    let Plan { expansion, source_tree, target_tree, lists, .. } = plan;
+    let depth = source_tree.levels().max(target_tree.levels()).saturating_sub(1);
+    let mut stats = Stats {
+        sources: plan.sources.len(),
+        targets: plan.targets.len(),
+        cells: source_tree.cells.len(),
+        depth,
+        leaf_size,
+        terms_per_cell: expansion.multipole_len(depth),
+        expansion_pairs: 0,
+        direct_pairs: 0,
+        cell_pairs: [&lists.m2l, &lists.m2p, &lists.p2l].map(|list| list.items.len() as u64),
+        tree_bytes: source_tree.bytes()
+            + size_of_val(&plan.sources[..])
+            + size_of_val(&plan.targets[..])
+            + size_of_val(&plan.layout.target_ranks[..]),
+        list_bytes: lists.bytes(),
+        mask_bytes: size_of_val(&lists.bits[..]),
+        workspace_bytes: Workspace::bytes(plan),
+    };
+    if !Arc::ptr_eq(source_tree, target_tree) {
+        stats.cells += target_tree.cells.len();
+        stats.tree_bytes += target_tree.bytes();
+    }
+    let pairs = |t: usize| {
+        let targets = target_tree.nodes[t].count() as u64;
+        let sources_of = |&s: &u32| source_tree.nodes[s as usize].count() as u64;
+        let lists = [&lists.m2l, &lists.m2p, &lists.p2l].into_iter();
+        let sources: u64 = lists.flat_map(|list| list.of(t)).map(sources_of).sum();
+        (targets * sources, near_pairs(&plan.lists, t, targets))
+    };
+    (stats.expansion_pairs, stats.direct_pairs) = (0..target_tree.cells.len())
+        .into_par_iter()
+        .map(pairs)
+        .reduce(|| (0, 0), |(a, x), (b, y)| (a + b, x + y));
+    stats
+}
+
+/// Pairs of points in the near field of target cell `t`, which has this many targets.
+fn near_pairs(lists: &Lists, t: usize, targets: u64) -> u64 {
+    let pairs = lists.near.of(t).iter().map(|run| {
+        let pairs = targets * u64::from(run.last - run.first);
+        if run.bits == ALL {
+            return pairs;
+        }
+        let words = &lists.bits[run.bits as usize..][..pairs.div_ceil(64) as usize];
+        words.iter().map(|w| u64::from(w.count_ones())).sum()
+    });
+    pairs.sum()
+}
