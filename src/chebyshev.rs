@@ -212,7 +212,8 @@ mod tests {
     fn node_weights_transpose_coefficients() {
         let rule = Chebyshev::<f64>::new(4);
         let value = |i: usize| (i as f64).sin();
-        let (mut f, mut w): (Vec<f64>, Vec<f64>) = (0..64).map(|i| (value(i), value(i + 99))).unzip();
+        let (mut f, mut w): (Vec<f64>, Vec<f64>) =
+            (0..64).map(|i| (value(i), value(i + 99))).unzip();
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
         let (values, weights) = (f.clone(), w.clone());
         rule.coefficients(&mut f);

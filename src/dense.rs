@@ -3,7 +3,8 @@
 
 use faer::linalg::matmul::matmul;
 use faer::prelude::SolveLstsq;
-use faer::{Accum, Mat, MatMut, MatRef, Par};
+use faer::{Accum, MatMut, MatRef, Par};
+use num_complex::Complex;
 
 /// A matrix, column after column.
 #[derive(Clone, Debug, PartialEq)]
@@ -76,13 +77,14 @@ pub trait Dense: Copy + Send + Sync + 'static {
     fn least_squares(a: &Matrix<Self>, b: &Matrix<Self>) -> Matrix<Self>;
 }
 
+/// Products in the type itself; factorisations, which are set-up, in its double precision.
 macro_rules! dense {
-    ($($t:ty),*) => {$(
+    ($t:ty, $zero:expr, $one:expr, $widen:expr, $narrow:expr) => {
         impl Dense for $t {
             fn product(a: &Matrix<Self>, b: &[Self], add: bool, c: &mut [Self]) {
                 if a.rows == 0 || a.columns == 0 {
                     if !add {
-                        c.fill(faer::traits::math_utils::zero());
+                        c.fill($zero);
                     }
                     return;
                 }
@@ -90,36 +92,47 @@ macro_rules! dense {
                 let b = MatRef::from_column_major_slice(b, a.columns, n);
                 let c = MatMut::from_column_major_slice_mut(c, a.rows, n);
                 let accum = if add { Accum::Add } else { Accum::Replace };
-                let one = faer::traits::math_utils::one();
-                matmul(c, accum, view(a), b, one, Par::Seq);
+                matmul(c, accum, view(a), b, $one, Par::Seq);
             }
 
             fn svd(a: &Matrix<Self>) -> Option<Svd<Self>> {
-                let svd = view(a).thin_svd().ok()?;
-                let sigma = svd.S().column_vector().iter();
+                let a = a.map($widen);
+                let svd = view(&a).thin_svd().ok()?;
+                let sigma = svd.S().column_vector().iter().map(|&s| Complex::from(s).re);
                 Some(Svd {
-                    u: owned(svd.U()),
-                    sigma: sigma.map(|s| f64::from(faer::traits::math_utils::real(s))).collect(),
-                    v_h: owned(svd.V().adjoint().to_owned().as_ref()),
+                    u: owned(svd.U()).map($narrow),
+                    sigma: sigma.collect(),
+                    v_h: owned(svd.V().adjoint().to_owned().as_ref()).map($narrow),
                 })
             }
 
             fn pivoted_qr(a: &Matrix<Self>) -> (Matrix<Self>, Matrix<Self>, Vec<usize>) {
-                let qr = view(a).col_piv_qr();
+                let a = a.map($widen);
+                let qr = view(&a).col_piv_qr();
                 let (order, _) = qr.P().arrays();
-                let q = qr.compute_thin_Q();
-                (owned(q.as_ref()), owned(qr.thin_R()), order.to_vec())
+                let q = owned(qr.compute_thin_Q().as_ref());
+                (q.map($narrow), owned(qr.thin_R()).map($narrow), order.to_vec())
             }
 
             fn least_squares(a: &Matrix<Self>, b: &Matrix<Self>) -> Matrix<Self> {
-                let x: Mat<$t> = view(a).qr().solve_lstsq(view(b));
-                owned(x.as_ref())
+                let (a, b) = (a.map($widen), b.map($widen));
+                let x = view(&a).col_piv_qr().solve_lstsq(view(&b));
+                owned(x.as_ref()).map($narrow)
             }
         }
-    )*};
+    };
 }
 
-dense!(f32, f64, num_complex::Complex<f32>, num_complex::Complex<f64>);
+dense!(f64, 0.0, 1.0, |x| x, |x| x);
+dense!(f32, 0.0, 1.0, f64::from, |x| x as f32);
+dense!(Complex<f64>, Complex::ZERO, Complex::ONE, |x| x, |x| x);
+dense!(
+    Complex<f32>,
+    Complex::ZERO,
+    Complex::ONE,
+    |x: Self| Complex::new(f64::from(x.re), f64::from(x.im)),
+    |x: Complex<f64>| Complex::new(x.re as f32, x.im as f32)
+);
 
 fn view<S>(a: &Matrix<S>) -> MatRef<'_, S> {
     MatRef::from_column_major_slice(&a.data, a.rows, a.columns)
@@ -133,7 +146,6 @@ fn owned<S: Copy>(a: MatRef<'_, S>) -> Matrix<S> {
 mod tests {
     use super::*;
     use approx::assert_relative_eq;
-    use num_complex::Complex;
 
     fn sample(rows: usize, columns: usize) -> Matrix<Complex<f64>> {
         Matrix::from_fn(rows, columns, |i, j| {
@@ -157,8 +169,9 @@ mod tests {
     #[test]
     fn products_sum_over_the_inner_index_and_add() {
         let (a, b) = (sample(3, 4), sample(4, 2));
-        let by_hand =
-            Matrix::from_fn(3, 2, |i, j| (0..4).map(|k| a.at(i, k) * b.at(k, j)).sum::<Complex<f64>>());
+        let by_hand = Matrix::from_fn(3, 2, |i, j| {
+            (0..4).map(|k| a.at(i, k) * b.at(k, j)).sum::<Complex<f64>>()
+        });
         let mut c = product(&a, &b);
         assert_close(&c, &by_hand);
         Dense::product(&a, &b.data, true, &mut c.data);

@@ -145,10 +145,10 @@ impl<K: PointKernel> Interpolation<K> {
                     || Scratch::new(self.rule().len()),
                     |Scratch { terms: [x, z, _], .. }| {
                         x.clear();
-                        push_signed(from, shift.from, x);
+                        push_signed(from, shift.from, |term| term, x);
                         z.resize(to.len(), Additive::zero());
                         <K::Entry as Dense>::product(shift.matrix, x, false, z);
-                        add_signed(K::Real::from_f64(1.0), z, shift.to, to);
+                        add_signed(K::Real::from_f64(1.0), z, shift.to, |term| term, to);
                     },
                 );
             }
@@ -250,30 +250,33 @@ impl<K: PointKernel> Expansion for Interpolation<K> {
     ) {
         let n = self.rule().len();
         let basis = self.source_basis(cell.level());
-        self.scratch.with(|| Scratch::new(n), |scratch| {
-            scratch.set_points(cell, sources);
-            let Scratch { powers, points, numbers, arrays, columns, .. } = scratch;
-            let count = K::Column::WIDTH * Self::PARTS * K::DENSITIES;
-            reset(numbers, count * sources.len());
-            for (j, (y, q)) in sources.iter().zip(charges).enumerate() {
-                self.kernel.density(y, q, &mut columns[..K::DENSITIES]);
-                for array in 0..count {
-                    let [column, part, component] = indices::<K>(array, K::DENSITIES);
-                    let number = columns[component].column(column).parts()[part];
-                    numbers[array * sources.len() + j] = number;
+        self.scratch.with(
+            || Scratch::new(n),
+            |scratch| {
+                scratch.set_points(cell, sources);
+                let Scratch { powers, points, numbers, arrays, columns, .. } = scratch;
+                let count = K::Column::WIDTH * Self::PARTS * K::DENSITIES;
+                reset(numbers, count * sources.len());
+                for (j, (y, q)) in sources.iter().zip(charges).enumerate() {
+                    self.kernel.density(y, q, &mut columns[..K::DENSITIES]);
+                    for array in 0..count {
+                        let [column, part, component] = indices::<K>(array, K::DENSITIES);
+                        let number = columns[component].column(column).parts()[part];
+                        numbers[array * sources.len() + j] = number;
+                    }
                 }
-            }
-            reset(arrays, count * n * row(n));
-            let own = n * row(n) * K::DENSITIES;
-            Arch::new().dispatch(|| {
-                powers.add_moments(points, numbers, arrays);
-                let rhs = multipole.chunks_exact_mut(basis.rank().max(1));
-                for (m, arrays) in rhs.zip(arrays.chunks_exact(own * Self::PARTS)) {
-                    let (re, im) = arrays.split_at(own);
-                    basis.add_moments(n, [re, if im.is_empty() { re } else { im }], m);
-                }
-            });
-        });
+                reset(arrays, count * n * row(n));
+                let own = n * row(n) * K::DENSITIES;
+                Arch::new().dispatch(|| {
+                    powers.add_moments(points, numbers, arrays);
+                    let rhs = multipole.chunks_exact_mut(basis.rank().max(1));
+                    for (m, arrays) in rhs.zip(arrays.chunks_exact(own * Self::PARTS)) {
+                        let (re, im) = arrays.split_at(own);
+                        basis.add_moments(n, [re, if im.is_empty() { re } else { im }], m);
+                    }
+                });
+            },
+        );
     }
 
     fn m2m(
@@ -343,46 +346,54 @@ impl<K: PointKernel> Expansion for Interpolation<K> {
     ) {
         let n = self.rule().len();
         let basis = self.target_basis(cell.level());
-        self.scratch.with(|| Scratch::new(n), |scratch| {
-            scratch.set_points(cell, targets);
-            let Scratch { powers, points, numbers, arrays, columns, gradients, terms } = scratch;
-            let count = K::Column::WIDTH * Self::PARTS * K::FIELDS;
-            let derivatives = if K::GRADIENT { 4 } else { 1 };
-            reset(arrays, count * n * row(n));
-            reset(numbers, count * derivatives * targets.len());
-            let own = n * row(n) * K::FIELDS;
-            Arch::new().dispatch(|| {
-                let rhs = local.chunks_exact(basis.rank().max(1));
-                for (l, arrays) in rhs.zip(arrays.chunks_exact_mut(own * Self::PARTS)) {
-                    let (re, im) = arrays.split_at_mut(own);
-                    basis.add_coefficients(n, l, &mut terms[0], [re, im]);
-                }
-                powers.add_fields(points, arrays, K::GRADIENT, numbers);
-            });
-            let per_length = K::Real::from_f64(1.0) / cell.half_width();
-            for (i, (x, u)) in targets.iter().zip(values).enumerate() {
-                let number = |array: usize, derivative: usize| {
-                    numbers[(array * derivatives + derivative) * targets.len() + i]
-                };
-                for component in 0..K::FIELDS {
-                    for column in 0..K::Column::WIDTH {
-                        let at = |derivative| {
-                            let array = column * Self::PARTS * K::FIELDS + component;
-                            let im = array + (Self::PARTS - 1) * K::FIELDS;
-                            K::Entry::from_parts(number(array, derivative), number(im, derivative))
-                        };
-                        columns[component].set_column(column, at(0));
-                        if K::GRADIENT {
-                            for (axis, gradient) in gradients[component].iter_mut().enumerate() {
-                                let slope = at(1 + axis) * K::Entry::from_real(per_length);
-                                gradient.set_column(column, slope);
+        self.scratch.with(
+            || Scratch::new(n),
+            |scratch| {
+                scratch.set_points(cell, targets);
+                let Scratch { powers, points, numbers, arrays, columns, gradients, terms } =
+                    scratch;
+                let count = K::Column::WIDTH * Self::PARTS * K::FIELDS;
+                let derivatives = if K::GRADIENT { 4 } else { 1 };
+                reset(arrays, count * n * row(n));
+                reset(numbers, count * derivatives * targets.len());
+                let own = n * row(n) * K::FIELDS;
+                Arch::new().dispatch(|| {
+                    let rhs = local.chunks_exact(basis.rank().max(1));
+                    for (l, arrays) in rhs.zip(arrays.chunks_exact_mut(own * Self::PARTS)) {
+                        let (re, im) = arrays.split_at_mut(own);
+                        basis.add_coefficients(n, l, &mut terms[0], [re, im]);
+                    }
+                    powers.add_fields(points, arrays, K::GRADIENT, numbers);
+                });
+                let per_length = K::Real::from_f64(1.0) / cell.half_width();
+                for (i, (x, u)) in targets.iter().zip(values).enumerate() {
+                    let number = |array: usize, derivative: usize| {
+                        numbers[(array * derivatives + derivative) * targets.len() + i]
+                    };
+                    for component in 0..K::FIELDS {
+                        for column in 0..K::Column::WIDTH {
+                            let at = |derivative| {
+                                let array = column * Self::PARTS * K::FIELDS + component;
+                                let im = array + (Self::PARTS - 1) * K::FIELDS;
+                                K::Entry::from_parts(
+                                    number(array, derivative),
+                                    number(im, derivative),
+                                )
+                            };
+                            columns[component].set_column(column, at(0));
+                            if K::GRADIENT {
+                                for (axis, gradient) in gradients[component].iter_mut().enumerate()
+                                {
+                                    let slope = at(1 + axis) * K::Entry::from_real(per_length);
+                                    gradient.set_column(column, slope);
+                                }
                             }
                         }
                     }
+                    self.kernel.value(x, &columns[..K::FIELDS], gradients, u);
                 }
-                self.kernel.value(x, &columns[..K::FIELDS], gradients, u);
-            }
-        });
+            },
+        );
     }
 
     fn m2p(

@@ -57,7 +57,10 @@ impl<'a, S: Scalar> Formula<'a, S> {
 const SAMPLES: usize = 12;
 
 /// Whether K(x + s, y + s) = K(x, y) to round-off for sample pairs and shifts within `root`.
-pub(crate) fn translation_invariant<S: Scalar>(kernel: &Formula<'_, S>, root: &Cube<S::Real>) -> bool {
+pub(crate) fn translation_invariant<S: Scalar>(
+    kernel: &Formula<'_, S>,
+    root: &Cube<S::Real>,
+) -> bool {
     let h = root.half_width();
     let tolerance = <S::Real as Float>::epsilon().as_f64().sqrt();
     (0..SAMPLES).all(|i| {
@@ -115,7 +118,8 @@ pub(crate) fn parities<S: Scalar>(
     kernel: &Formula<'_, S>,
     half_width: S::Real,
 ) -> Option<Parities> {
-    let mut parities = Parities { fields: vec![0; kernel.fields], densities: vec![0; kernel.densities] };
+    let mut parities =
+        Parities { fields: vec![0; kernel.fields], densities: vec![0; kernel.densities] };
     for axis in 0..3 {
         let signs = signs_under_reflection(kernel, half_width, axis)?;
         let Parities { fields, densities } = &mut parities;
@@ -138,9 +142,8 @@ fn signs_under_reflection<S: Scalar>(
         let there = kernel.at(PointOf::<S>::from_array(reflected), PointOf::<S>::default());
         let size = norm_squared(&here).sqrt();
         for ((sign, &a), &b) in signs.iter_mut().zip(&here).zip(&there) {
-            let small = |deviation: S| {
-                Additive::norm_squared(&deviation).sqrt() <= round_off::<S>() * size
-            };
+            let small =
+                |deviation: S| Additive::norm_squared(&deviation).sqrt() <= round_off::<S>() * size;
             let changes = match (small(a - b), small(a + b)) {
                 (true, true) => continue,
                 (true, false) => false,
@@ -237,12 +240,12 @@ mod tests {
     use glam::DVec3;
 
     /// Asks a question about a scalar formula.
-    macro_rules! ask {
-        ($f:expr, $question:expr) => {{
-            let f: fn(DVec3, DVec3) -> f64 = $f;
-            let entries = |x: DVec3, y: DVec3, g: &mut [f64]| g[0] = f(x, y);
-            $question(&Formula::new(1, 1, &entries))
-        }};
+    fn ask<R>(
+        f: impl Fn(DVec3, DVec3) -> f64 + Sync,
+        question: impl FnOnce(&Formula<'_, f64>) -> R,
+    ) -> R {
+        let entries = |x: DVec3, y: DVec3, g: &mut [f64]| g[0] = f(x, y);
+        question(&Formula::new(1, 1, &entries))
     }
 
     fn inverse(x: DVec3, y: DVec3) -> f64 {
@@ -257,26 +260,26 @@ mod tests {
     #[test]
     fn invariance_is_seen_and_its_absence_too() {
         let root = Cube::new(DVec3::new(3.0, 0.0, -1.0), 2.0);
-        assert!(ask!(|x, y| (x - y).x.exp(), |k: &_| translation_invariant(k, &root)));
+        assert!(ask(|x, y| (x - y).x.exp(), |k| translation_invariant(k, &root)));
         let variant = |x: DVec3, y: DVec3| (x - y).x.exp() * (1.0 + 1e-3 * x.y);
-        assert!(!ask!(variant, |k: &_| translation_invariant(k, &root)));
+        assert!(!ask(variant, |k| translation_invariant(k, &root)));
     }
 
     #[test]
     fn homogeneity_is_seen_and_its_absence_too() {
         let root = Cube::new(DVec3::ZERO, 2.0);
-        let degree = |k: &_| homogeneity(k, &root);
-        assert_eq!(ask!(|x, y| (x - y).x / x.distance(y).powi(4), degree), Some(-3.0));
-        assert_eq!(ask!(|x, y| x.distance(y).powf(0.25), degree), Some(0.25));
+        let degree = |k: &Formula<'_, f64>| homogeneity(k, &root);
+        assert_eq!(ask(|x, y| (x - y).x / x.distance(y).powi(4), degree), Some(-3.0));
+        assert_eq!(ask(|x, y| x.distance(y).powf(0.25), degree), Some(0.25));
         let yukawa = |x: DVec3, y: DVec3| (-1e-9 * x.distance(y)).exp() / x.distance(y);
-        assert_eq!(ask!(yukawa, degree), None);
-        assert_eq!(ask!(|_, _| 0.0, degree), None);
+        assert_eq!(ask(yukawa, degree), None);
+        assert_eq!(ask(|_, _| 0.0, degree), None);
     }
 
     #[test]
     fn symmetry_is_seen_and_its_absence_too() {
-        assert!(ask!(inverse, |k: &_| symmetric(k, 0.3)));
-        assert!(!ask!(skew, |k: &_| symmetric(k, 0.3)));
+        assert!(ask(inverse, |k| symmetric(k, 0.3)));
+        assert!(!ask(skew, |k| symmetric(k, 0.3)));
         let one_sided = |x: DVec3, y: DVec3, g: &mut [f64]| g.copy_from_slice((x - y).as_ref());
         assert!(!symmetric(&Formula::new(3, 1, &one_sided), 0.3));
     }
@@ -284,9 +287,9 @@ mod tests {
     #[test]
     fn parities_are_seen_and_their_absence_too() {
         let even = Some(Parities { fields: vec![0], densities: vec![0] });
-        assert_eq!(ask!(inverse, |k: &_| parities(k, 0.3)), even);
-        assert_eq!(ask!(skew, |k: &_| parities(k, 0.3)), None);
-        let odd_in_x = ask!(|x, y| (x - y).x / x.distance(y), |k: &_| parities(k, 0.3)).unwrap();
+        assert_eq!(ask(inverse, |k| parities(k, 0.3)), even);
+        assert_eq!(ask(skew, |k| parities(k, 0.3)), None);
+        let odd_in_x = ask(|x, y| (x - y).x / x.distance(y), |k| parities(k, 0.3)).unwrap();
         assert_eq!(odd_in_x.fields[0] ^ odd_in_x.densities[0], 0b001);
         let tensor = |x: DVec3, y: DVec3, g: &mut [f64]| {
             let d = x - y;

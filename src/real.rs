@@ -45,7 +45,7 @@ pub trait Columns<S>: Linear<S> {
 }
 
 /// The number type that a kernel's entries have: f32, f64 or a complex number over them.
-pub trait Scalar: Columns<Self> + NumAssign + Neg<Output = Self> + Dense {
+pub trait Scalar: Columns<Self> + NumAssign + Neg<Output = Self> + Default + Dense {
     /// The real precision underneath.
     type Real: Real;
     /// Whether there is an imaginary part.
@@ -58,19 +58,19 @@ pub trait Scalar: Columns<Self> + NumAssign + Neg<Output = Self> + Dense {
     fn parts(self) -> [Self::Real; 2];
     /// The complex conjugate; a real number is its own.
     fn conjugate(self) -> Self;
+    /// The same kind of number in single precision.
+    type Single: Scalar<Real = f32>;
+    /// The nearest number in single precision.
+    fn to_single(self) -> Self::Single;
+    /// A number in single precision, as it is.
+    fn from_single(single: Self::Single) -> Self;
     /// Absolute value.
     fn modulus(self) -> Self::Real;
 }
 
 /// A floating-point precision: `f32` or `f64`.
 pub trait Real:
-    Scalar<Real = Self>
-    + Float
-    + FloatConst
-    + Linear<Self>
-    + Default
-    + std::fmt::Display
-    + sealed::Sealed
+    Scalar<Real = Self> + Float + FloatConst + Linear<Self> + std::fmt::Display + sealed::Sealed
 {
     /// The glam vector of this precision: [`Vec3`] or [`DVec3`].
     type Vector: Vector<Self>;
@@ -185,6 +185,15 @@ macro_rules! real {
             fn conjugate(self) -> Self {
                 self
             }
+            type Single = f32;
+            #[inline(always)]
+            fn to_single(self) -> f32 {
+                self as f32
+            }
+            #[inline(always)]
+            fn from_single(single: f32) -> Self {
+                <$t>::from(single)
+            }
             #[inline(always)]
             fn modulus(self) -> $t {
                 self.abs()
@@ -252,6 +261,15 @@ macro_rules! real {
             #[inline(always)]
             fn conjugate(self) -> Self {
                 self.conj()
+            }
+            type Single = Complex<f32>;
+            #[inline(always)]
+            fn to_single(self) -> Complex<f32> {
+                Complex::new(self.re as f32, self.im as f32)
+            }
+            #[inline(always)]
+            fn from_single(single: Complex<f32>) -> Self {
+                Complex::new(<$t>::from(single.re), <$t>::from(single.im))
             }
             #[inline(always)]
             fn modulus(self) -> $t {

@@ -330,7 +330,8 @@ fn axpy<S: Scalar>(a: S, x: &[S], y: &mut [S]) {
 
 /// A B
 pub(crate) fn product<S: Scalar>(a: &Matrix<S>, b: &Matrix<S>) -> Matrix<S> {
-    let mut c = Matrix { rows: a.rows, columns: b.columns, data: vec![zero::<S>(); a.rows * b.columns] };
+    let mut c =
+        Matrix { rows: a.rows, columns: b.columns, data: vec![zero::<S>(); a.rows * b.columns] };
     <S as Dense>::product(a, &b.data, false, &mut c.data);
     c
 }

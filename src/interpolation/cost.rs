@@ -24,7 +24,8 @@ pub(crate) fn leaf_size<S: Scalar>(
     // Two thin products per pair of cells, and a read and a write of both expansions.
     let flops = 4.0 * rank * rank_per_offset * if S::COMPLEX { 4.0 } else { 1.0 };
     let precision = (size_of::<S::Real>() as f64) / 8.0;
-    let pair_of_cells = columns as f64 * precision * (flops / flop_rate() + 4.0 * rank * MOVE_SECONDS);
+    let pair_of_cells =
+        columns as f64 * precision * (flops / flop_rate() + 4.0 * rank * MOVE_SECONDS);
     let far_per_leaf = 189.0 * 8.0 / 7.0 * pair_of_cells;
     // A cell of s points is worth splitting into eight when 27 s² t + c > 27 s²/8 t + 8 c.
     let largest = (8.0 * far_per_leaf / (27.0 * pair_seconds)).sqrt();

@@ -24,6 +24,7 @@ const TEST_TARGETS: usize = 24;
 pub(crate) struct FarField<T: Real> {
     /// [`PER_OFFSET`] points in each cell of the interaction list, offset after offset, then the shells.
     points: Vec<Point<T>>,
+    offsets: Vec<[i32; 3]>,
     half_width: T,
 }
 
@@ -32,7 +33,8 @@ impl<T: Real> FarField<T> {
     /// half-widths, from which M2P, P2L and masks may take more.
     pub(crate) fn new(half_width: T, extent: f64) -> Self {
         let mut points = Vec::new();
-        for (i, o) in interaction_offsets().enumerate() {
+        let offsets: Vec<[i32; 3]> = interaction_offsets().collect();
+        for (i, o) in offsets.iter().enumerate() {
             let centre = Point::<T>::from_array(o.map(|o| T::from_f64(2.0 * f64::from(o))));
             points.extend((0..PER_OFFSET).map(|k| centre + sample::<T>(i * PER_OFFSET + k)));
         }
@@ -46,18 +48,20 @@ impl<T: Real> FarField<T> {
             }));
             radius *= 2.0;
         }
-        Self { points, half_width }
+        Self { points, offsets, half_width }
     }
 
     /// The size of one pair that errors are relative to: the root mean square over the interaction
     /// list, or a fraction of what neighbours exchange if that is more.
     pub(crate) fn size<S: Scalar<Real = T>>(&self, kernel: &Formula<'_, S>) -> f64 {
         let sources = &self.points[..INTERACTION_OFFSETS * PER_OFFSET];
-        let sum: f64 = sources
-            .iter()
-            .enumerate()
-            .map(|(i, &y)| norm_squared(&self.entry(kernel, sample::<T>(i), y)))
-            .sum();
+        let mut sum = 0.0;
+        for (offset, sources) in interaction_offsets().zip(sources.chunks_exact(PER_OFFSET)) {
+            for (i, &y) in sources.iter().enumerate() {
+                let x = sample::<T>(7 * i + offset[0].unsigned_abs() as usize);
+                sum += weight(offset) * norm_squared(&self.entry(kernel, x, y));
+            }
+        }
         let neighbour = Point::<T>::from_array([2.0, 0.0, 0.0].map(T::from_f64));
         let near = norm_squared(&self.entry(kernel, Point::<T>::default(), neighbour)).sqrt();
         (sum / sources.len() as f64).sqrt().max(NEAR_FRACTION * near)
@@ -86,13 +90,15 @@ impl<T: Real> FarField<T> {
                     }
                 }
                 columns.chunks_exact_mut(nodes).for_each(|field| rule.coefficients(field));
-                if i >= INTERACTION_OFFSETS * PER_OFFSET {
-                    let norm = (norm_squared(columns) / kernel.densities as f64).sqrt();
-                    if norm > size {
-                        let scale = S::from_real(T::from_f64(size / norm));
-                        columns.iter_mut().for_each(|entry| *entry *= scale);
+                let factor = match self.offsets.get(i / PER_OFFSET) {
+                    Some(&offset) => weight(offset).sqrt(),
+                    None => {
+                        let norm = (norm_squared(columns) / kernel.densities as f64).sqrt();
+                        if norm > size { size / norm } else { 1.0 }
                     }
-                }
+                };
+                let factor = S::from_real(T::from_f64(factor));
+                columns.iter_mut().for_each(|entry| *entry *= factor);
             },
         );
         Matrix { rows, columns: kernel.densities * self.points.len(), data }
@@ -145,7 +151,7 @@ impl<T: Real> FarField<T> {
                             *d -= c * S::from_real(value);
                         }
                     }
-                    errors += norm_squared(&difference);
+                    errors += weight(self.offsets[o]) * norm_squared(&difference);
                 }
                 errors
             })
@@ -184,7 +190,16 @@ pub(crate) const INTERACTION_OFFSETS: usize = 7 * 7 * 7 - 3 * 3 * 3;
 
 /// The offsets of an unmasked tree: children of neighbours that are not neighbours.
 pub(crate) fn interaction_offsets() -> impl Iterator<Item = [i32; 3]> {
-    (0..343i32).map(|k| [k / 49 - 3, k / 7 % 7 - 3, k % 7 - 3]).filter(|o| o.iter().any(|o| o.abs() > 1))
+    (0..343i32)
+        .map(|k| [k / 49 - 3, k / 7 % 7 - 3, k % 7 - 3])
+        .filter(|o| o.iter().any(|o| o.abs() > 1))
+}
+
+/// How often an offset occurs in an unmasked tree, on average over the interaction list: a cell has
+/// sources three cells away on one side only, the side on which it lies in its parent.
+pub(crate) fn weight(offset: [i32; 3]) -> f64 {
+    let share: f64 = offset.iter().map(|o| if o.abs() == 3 { 0.5 } else { 1.0 }).product();
+    share * INTERACTION_OFFSETS as f64 / 189.0
 }
 
 #[cfg(test)]
@@ -224,8 +239,10 @@ mod tests {
         let columns = far.columns(&kernel, &rule, f64::INFINITY);
         let x = DVec3::new(0.3, -0.8, 0.6);
         for (j, y) in far.points.iter().enumerate() {
-            let field: f64 = products(x, 9).iter().zip(columns.column(j)).map(|(t, c)| t * c).sum();
-            let exact = 4.0 / x.distance(*y);
+            let field: f64 =
+                products::<f64>(x, 9).iter().zip(columns.column(j)).map(|(t, c)| t * c).sum();
+            let weight = far.offsets.get(j / PER_OFFSET).map_or(1.0, |&offset| weight(offset));
+            let exact = 4.0 / x.distance(*y) * weight.sqrt();
             assert!((field - exact).abs() < 1e-5 * exact, "{field} {exact}");
         }
     }

@@ -5,12 +5,12 @@ use std::sync::Arc;
 use crate::chebyshev::Chebyshev;
 use crate::error::Error;
 use crate::expansion::Geometry;
+use crate::interpolation::MAX_ORDER;
 use crate::interpolation::basis::Basis;
 use crate::interpolation::cache::{self, Key};
 use crate::interpolation::far_field::FarField;
 use crate::interpolation::operators::{Accuracy, LevelOperators, Operators, Sizes};
 use crate::interpolation::transfer::Transfers;
-use crate::interpolation::MAX_ORDER;
 use crate::probe::{self, Formula};
 use crate::real::{Real, Scalar};
 
@@ -157,11 +157,7 @@ impl<S: Scalar> Invariant<S> {
     }
 
     /// The M2L operators at `level` and the factor to take them by.
-    pub(crate) fn transfers(
-        &self,
-        level: usize,
-        half_width: S::Real,
-    ) -> (&Transfers<S>, S::Real) {
+    pub(crate) fn transfers(&self, level: usize, half_width: S::Real) -> (&Transfers<S>, S::Real) {
         let operators = self.level(level);
         let transfers = self.extended[self.index(level)].as_ref();
         let scale = match self.degree {
@@ -180,11 +176,8 @@ impl<S: Scalar> Invariant<S> {
         let (matrix, reflection) =
             if matrices.len() == 1 { (&matrices[0], octant) } else { (&matrices[octant], 0) };
         let (parent, child) = (self.level(level), self.level(level + 1));
-        let (from, to) = if down {
-            (&parent.target, &child.target)
-        } else {
-            (&child.source, &parent.source)
-        };
+        let (from, to) =
+            if down { (&parent.target, &child.target) } else { (&child.source, &parent.source) };
         Shift { matrix, from: &from.signs[reflection], to: &to.signs[reflection] }
     }
 
