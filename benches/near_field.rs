@@ -110,7 +110,7 @@ fn near_field(criterion: &mut Criterion) {
     });
     measure(criterion, "formula exp(-r)/r, f64", &yukawa, f64s, &charges, none);
 
-    let single = |points: &[DVec3]| points.iter().map(DVec3::as_vec3).collect::<Vec<_>>();
+    let single = |points: &[DVec3]| points.iter().map(|p| p.as_vec3()).collect::<Vec<_>>();
     let (xs, ys) = (single(xs), single(ys));
     let charges: Vec<f32> = charges.iter().map(|q| *q as f32).collect();
     let f32s = (&xs[..], &ys[..]);

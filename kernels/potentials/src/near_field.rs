@@ -126,7 +126,6 @@ where
 const LANES: usize = 16;
 
 /// `G` registers of targets and all sources.
-#[expect(clippy::too_many_arguments, reason = "the loop itself, with all that it depends on")]
 #[inline(always)]
 fn group<S, E, F, T, C, O, const G: usize, const N: usize>(
     simd: S,
