@@ -13,6 +13,7 @@ use std::any::{Any, TypeId};
 use std::marker::PhantomData;
 
 use farfield::{Additive, Linear, Outcome, Point, Real, Vector};
+use num_complex::Complex;
 use pulp::{Arch, Simd, WithSimd};
 
 use crate::exponent::Exponent;
@@ -46,7 +47,7 @@ where
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> Outcome {
-        if !(is_ordinary::<F, T>(self.xs) && is_ordinary::<F, T>(self.ys)) {
+        if !is_ordinary::<F, T>(self.xs, self.ys) {
             return Outcome::Declined;
         }
         let Some(law) = Law::of::<E>() else { return Outcome::Declined };
@@ -79,7 +80,12 @@ where
     fn sum<S: Simd, const N: usize>(self, simd: S, law: Law) {
         // Decided per type, so that only the one loop that fits a charge is compiled.
         if const { size_of::<C>() == N * size_of::<T>() } {
-            let enough = |digits| law.error::<F, S>(simd, digits, O::GRADIENT) <= self.tolerance;
+            // What rounding hides is always enough: then the loops for more digits aren't compiled.
+            let hidden = F::epsilon().as_f64() / 8.0;
+            let enough = |digits| {
+                let error = law.error::<F, S>(simd, digits, O::GRADIENT);
+                error <= hidden || error <= self.tolerance
+            };
             if enough(Digits::Few) {
                 self.groups::<S, N>(simd, law, Digits::Few);
             } else if enough(Digits::Half) {
@@ -104,10 +110,12 @@ where
             let count = (size * lanes).min(xs.len());
             let (x, rest_x) = xs.split_at(count);
             let (u, rest_u) = us.split_at_mut(count);
-            match size {
-                1 => group::<S, E, F, T, C, O, 1, N>(simd, law, digits, x, ys, qs, u),
-                2 => group::<S, E, F, T, C, O, 2, N>(simd, law, digits, x, ys, qs, u),
-                _ => group::<S, E, F, T, C, O, 3, N>(simd, law, digits, x, ys, qs, u),
+            if size == 1 || most == 1 {
+                group::<S, E, F, T, C, O, 1, N>(simd, law, digits, x, ys, qs, u);
+            } else if size == 2 || most == 2 {
+                group::<S, E, F, T, C, O, 2, N>(simd, law, digits, x, ys, qs, u);
+            } else {
+                group::<S, E, F, T, C, O, 3, N>(simd, law, digits, x, ys, qs, u);
             }
             (xs, us) = (rest_x, rest_u);
         }
@@ -118,7 +126,6 @@ where
 const LANES: usize = 16;
 
 /// `G` registers of targets and all sources.
-#[expect(clippy::too_many_arguments, reason = "the loop itself, with all that it depends on")]
 #[inline(always)]
 fn group<S, E, F, T, C, O, const G: usize, const N: usize>(
     simd: S,
@@ -301,18 +308,40 @@ fn slope<F: Reciprocal, S: Simd>(
     }
 }
 
-/// Whether no square, and no difference of two that isn't 0, leaves the range that the loop is for:
-/// numbers of at least √`LEAST` / ε differ by at least √`LEAST`, if they differ.
+/// Whether every r² lies between `LEAST` and its inverse, coincident points aside.
 #[inline(always)]
-fn is_ordinary<F: Reciprocal, T: Real>(points: &[Point<T>]) -> bool {
+fn is_ordinary<F: Reciprocal, T: Real>(xs: &[Point<T>], ys: &[Point<T>]) -> bool {
     let root = F::LEAST.sqrt();
     let (least, greatest) = (root / F::epsilon(), (F::from_f64(4.0) * root).recip());
-    points.iter().fold(true, |ordinary, point| {
-        point.to_array().into_iter().fold(ordinary, |ordinary, c| {
-            let c = same::<T, F>(c).abs();
-            ordinary & ((c >= least) | (c == F::from_f64(0.0))) & (c <= greatest)
-        })
-    })
+    let (mut apart, mut near) = (true, true);
+    for points in [xs, ys] {
+        for point in points {
+            for c in point.to_array() {
+                let c = same::<T, F>(c).abs();
+                apart &= (c >= least) | (c == F::from_f64(0.0));
+                near &= c <= greatest;
+            }
+        }
+    }
+    // Numbers of at least √LEAST / ε differ by √LEAST, if they differ. Only smaller ones need a look
+    // at each pair.
+    near && (apart || !any_too_close::<F, T>(xs, ys))
+}
+
+/// Whether any r² that isn't 0 is less than `LEAST`, or could be when rounded differently.
+#[inline(always)]
+fn any_too_close<F: Reciprocal, T: Real>(xs: &[Point<T>], ys: &[Point<T>]) -> bool {
+    let least = same::<F, T>(F::LEAST) * T::from_f64(2.0);
+    let mut any = false;
+    for x in xs {
+        for y in ys {
+            let [a, b, c] = (*x - *y).to_array();
+            let zero = T::from_f64(0.0);
+            let differ = (a != zero) | (b != zero) | (c != zero);
+            any |= differ & (a * a + b * b + c * c < least);
+        }
+    }
+    any
 }
 
 /// The same number in the same precision, by its other name.
@@ -321,14 +350,15 @@ fn same<A: Real, B: Real>(a: A) -> B {
     B::from_f64(a.as_f64())
 }
 
-/// How many numbers a charge is made of, if it is a number, a point, or an array of up to four
-/// numbers.
+/// How many numbers a charge is made of, if it is a number, real or complex, a point, or an array of
+/// up to four numbers.
 #[inline(always)]
 fn columns<T: Real, C: 'static>() -> Option<usize> {
     let types = [
         (TypeId::of::<T>(), 1),
         (TypeId::of::<[T; 1]>(), 1),
         (TypeId::of::<[T; 2]>(), 2),
+        (TypeId::of::<Complex<T>>(), 2),
         (TypeId::of::<[T; 3]>(), 3),
         (TypeId::of::<Point<T>>(), 3),
         (TypeId::of::<[T; 4]>(), 4),
@@ -347,6 +377,10 @@ fn to_columns<T: Real, C: 'static, F: Real, const N: usize>(charge: &C) -> [F; N
         }
     } else if let Some(&number) = charge.downcast_ref::<T>() {
         columns[0] = same(number);
+    } else if let Some(number) = charge.downcast_ref::<Complex<T>>() {
+        for n in 0..N {
+            columns[n] = same([number.re, number.im][n % 2]);
+        }
     } else if let Some(point) = charge.downcast_ref::<Point<T>>() {
         let point = point.to_array();
         for n in 0..N {
@@ -368,7 +402,8 @@ fn from_columns<T: Real, C: Additive, F: Real, const N: usize>(
     }
     let at = |n: usize| columns[n % N];
     let point = Point::<T>::from_array([at(0), at(1), at(2)]);
-    let forms: [&dyn Any; 3] = [&columns, &columns[0], &point];
+    let complex = Complex::new(at(0), at(1));
+    let forms: [&dyn Any; 4] = [&columns, &columns[0], &complex, &point];
     for form in forms {
         if let Some(&charge) = form.downcast_ref::<C>() {
             return charge;
@@ -381,4 +416,213 @@ fn from_columns<T: Real, C: Additive, F: Real, const N: usize>(
 #[inline(always)]
 const fn lanes<F: Registers, S: Simd>() -> usize {
     size_of::<F::Register<S>>() / size_of::<F>()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::exponent::{MinusFour, MinusOne, MinusTwo, PlusTwo};
+    use crate::output::{PotentialGradient, WithGradient};
+
+    /// Runs a block at a dispatch level, if the machine has it: portable, AVX2, AVX-512.
+    fn at_level<E, F, T, C, O>(level: usize, block: Block<'_, E, F, T, C, O>) -> Option<Outcome>
+    where
+        E: Exponent,
+        F: Reciprocal,
+        T: Real,
+        C: Linear<T>,
+        O: Output<T, C>,
+    {
+        match level {
+            0 => Some(Simd::vectorize(pulp::Scalar, block)),
+            #[cfg(target_arch = "x86_64")]
+            1 => pulp::x86::V3::try_new().map(|machine| Simd::vectorize(machine, block)),
+            #[cfg(target_arch = "x86_64")]
+            2 => pulp::x86::V4::try_new().map(|machine| Simd::vectorize(machine, block)),
+            _ => None,
+        }
+    }
+
+    fn points<T: Real>(n: usize, shift: f64) -> Vec<Point<T>> {
+        let fraction = |i: usize, step: f64| T::from_f64((i as f64 * step + shift).fract() - 0.5);
+        (1..=n)
+            .map(|i| [fraction(i, 0.819_173), fraction(i, 0.671_044), fraction(i, 0.549_700)])
+            .map(Point::<T>::from_array)
+            .collect()
+    }
+
+    /// Potential and gradient of one charge at one target in double precision.
+    fn exact<E: Exponent, T: Real>(x: Point<T>, y: Point<T>) -> [f64; 4] {
+        let (x, y) = (x.to_array().map(T::as_f64), y.to_array().map(T::as_f64));
+        let d = [x[0] - y[0], x[1] - y[1], x[2] - y[2]];
+        let r2 = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
+        if r2 == 0.0 {
+            return [0.0; 4];
+        }
+        let k = r2.powf(-E::LAMBDA);
+        let [a, b, c] = d.map(|d| -2.0 * E::LAMBDA * k * d / r2);
+        [k, a, b, c]
+    }
+
+    /// The worst error of a block, beyond rounding, relative to Σ|K q| and Σ|∇K q|.
+    fn worst<E: Exponent, F: Reciprocal, T: Real>(
+        level: usize,
+        tolerance: f64,
+        (xs, ys): (&[Point<T>], &[Point<T>]),
+    ) -> Option<f64> {
+        let qs: Vec<T> = (0..ys.len()).map(|j| T::from_f64((j as f64).cos())).collect();
+        let pairs: Vec<[T; 2]> = qs.iter().map(|&q| [T::from_f64(1.0), q]).collect();
+        let types = PhantomData;
+        let mut single = vec![<T as Additive>::zero(); xs.len()];
+        let us = &mut single[..];
+        let block = Block::<E, F, T, T, crate::Potential> { xs, ys, qs: &qs, tolerance, us, types };
+        assert_eq!(at_level(level, block)?, Outcome::Done);
+        let mut double = vec![PotentialGradient::<[T; 2]>::zero(); xs.len()];
+        let us = &mut double[..];
+        let block =
+            Block::<E, F, T, [T; 2], WithGradient> { xs, ys, qs: &pairs, tolerance, us, types };
+        assert_eq!(at_level(level, block)?, Outcome::Done);
+
+        let mut worst = 0.0;
+        for ((x, single), double) in xs.iter().zip(single).zip(double) {
+            let (mut sum, mut scale) = ([0.0; 4], [0.0; 2]);
+            for (y, q) in ys.iter().zip(&qs) {
+                let [k, a, b, c] = exact::<E, T>(*x, *y).map(|k| k * q.as_f64());
+                for (sum, term) in sum.iter_mut().zip([k, a, b, c]) {
+                    *sum += term;
+                }
+                scale[0] += k.abs();
+                scale[1] += (a * a + b * b + c * c).sqrt();
+            }
+            let rounding = T::epsilon().as_f64() * (8.0 + ys.len() as f64);
+            let mut compare = |found: T, exact: f64, scale: f64| {
+                let error = (found.as_f64() - exact).abs() - rounding * scale;
+                worst = f64::max(worst, if error > 0.0 { error / scale } else { 0.0 });
+            };
+            compare(single, sum[0], scale[0]);
+            compare(double.potential[1], sum[0], scale[0]);
+            for (component, sum) in double.gradient.iter().zip(&sum[1..]) {
+                compare(component[1], *sum, scale[1]);
+            }
+        }
+        Some(worst)
+    }
+
+    fn check<E: Exponent, F: Reciprocal, T: Real>() {
+        let (xs, mut ys) = (points::<T>(70, 0.0), points::<T>(50, 0.3));
+        for j in (0..50).step_by(7) {
+            ys[j] = xs[j + 3];
+        }
+        for level in 0..3 {
+            for tolerance in [0.0, 1e-12, 1e-9, 1e-7, 1e-6, 2e-4, 1e-3] {
+                for n in 1..=xs.len() {
+                    for m in [0, 1, 2, 50] {
+                        let sets = (&xs[..n], &ys[..m]);
+                        let Some(error) = worst::<E, F, T>(level, tolerance, sets) else { break };
+                        assert!(
+                            error <= tolerance,
+                            "r^{}, level {level}, {n} targets, {m} sources: {error:e} > {tolerance:e}",
+                            -2.0 * E::LAMBDA
+                        );
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn tolerances_are_kept_at_every_level_and_size() {
+        check::<MinusOne, f64, f64>();
+        check::<MinusTwo, f64, f64>();
+        check::<MinusFour, f64, f64>();
+        check::<PlusTwo, f64, f64>();
+        check::<MinusOne, f32, f32>();
+        check::<MinusTwo, f32, f32>();
+        check::<MinusFour, f32, f32>();
+        check::<PlusTwo, f32, f32>();
+    }
+
+    #[test]
+    fn fewer_digits_are_made_use_of() {
+        let sets = (&points::<f64>(9, 0.0)[..], &points::<f64>(7, 0.3)[..]);
+        for level in 1..3 {
+            let error = |tolerance| worst::<MinusOne, f64, f64>(level, tolerance, sets);
+            if let (Some(few), Some(half)) = (error(1e-3), error(1e-6)) {
+                assert!(few > 1e-7 && half > 1e-12, "level {level}: {few:e}, {half:e}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_target_does_not_notice_its_neighbours() {
+        let (xs, ys) = (points::<f64>(61, 0.0), points::<f64>(40, 0.3));
+        let qs = vec![[1.0, 0.3, -2.0]; ys.len()];
+        let sum = |xs: &[Point<f64>]| {
+            let mut us = vec![PotentialGradient::zero(); xs.len()];
+            let (qs, us_, types) = (&qs[..], &mut us[..], PhantomData);
+            let outcome = Block::<MinusOne, f64, f64, [f64; 3], WithGradient> {
+                xs,
+                ys: &ys,
+                qs,
+                tolerance: 1e-6,
+                us: us_,
+                types,
+            }
+            .run();
+            assert_eq!(outcome, Outcome::Done);
+            us
+        };
+        let together = sum(&xs);
+        for (i, u) in together.iter().enumerate() {
+            assert_eq!(sum(&xs[i..=i]), [*u]);
+        }
+    }
+
+    #[test]
+    fn blocks_with_extreme_distances_are_declined() {
+        let at = |c: f64| [glam::DVec3::new(0.0, c, 0.0)];
+        let near = |c: f64| [glam::Vec3::new(0.0, 1.0, c as f32)];
+        for level in 0..3 {
+            let f64s = |x: f64, y: f64| {
+                let (xs, ys, us) = (&at(x), &at(y), &mut [0.0]);
+                let types = PhantomData;
+                at_level(
+                    level,
+                    Block::<MinusOne, f64, f64, f64, crate::Potential> {
+                        xs,
+                        ys,
+                        qs: &[1.0],
+                        tolerance: 0.0,
+                        us,
+                        types,
+                    },
+                )
+            };
+            let f32s = |x: f64, y: f64| {
+                let (xs, ys, us) = (&near(x), &near(y), &mut [0.0]);
+                let types = PhantomData;
+                at_level(
+                    level,
+                    Block::<MinusOne, f32, f32, f32, crate::Potential> {
+                        xs,
+                        ys,
+                        qs: &[1.0],
+                        tolerance: 0.0,
+                        us,
+                        types,
+                    },
+                )
+            };
+            if f64s(0.0, 1.0).is_none() {
+                continue;
+            }
+            assert_eq!(f64s(0.0, 1e-170), Some(Outcome::Declined));
+            assert_eq!(f64s(0.0, 1e60), Some(Outcome::Declined));
+            assert_eq!(f64s(0.0, f64::NAN), Some(Outcome::Declined));
+            assert_eq!(f64s(1e-40, -1e-40), Some(Outcome::Done));
+            assert_eq!(f32s(1e-20, 0.0), Some(Outcome::Declined));
+            assert_eq!(f32s(1e-20, 1e-20), Some(Outcome::Done));
+            assert_eq!(f32s(1e-20, 1.0), Some(Outcome::Done));
+        }
+    }
 }

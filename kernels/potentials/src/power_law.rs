@@ -97,45 +97,17 @@ impl<E: Exponent, T: Real, C: Linear<T>, O: Output<T, C>> Kernel for PowerLaw<E,
     ) {
         // The inner loop asks for a precision by its name; both are the same to the compiler.
         let outcome = if const { size_of::<T>() == size_of::<f32>() } {
-            Block::<E, f32, T, C, O> { xs, ys, qs, tolerance, us, types: PhantomData }.run()
+            Block::<E, f32, T, C, O> { xs, ys, qs, tolerance, us: &mut *us, types: PhantomData }
+                .run()
         } else {
-            Block::<E, f64, T, C, O> { xs, ys, qs, tolerance, us, types: PhantomData }.run()
+            Block::<E, f64, T, C, O> { xs, ys, qs, tolerance, us: &mut *us, types: PhantomData }
+                .run()
         };
-        if outcome == Outcome::Done {
-            return;
-        }
-        for (xs, us) in xs.chunks(LANES).zip(us.chunks_mut(LANES)) {
-            // The last lanes of a short chunk repeat its last target.
-            let points: [Point<T>; LANES] = std::array::from_fn(|i| xs[i.min(xs.len() - 1)]);
-            let [x, y, z] = [0, 1, 2].map(|c| points.map(|p| p.to_array()[c]));
-            let mut lanes = Lanes::zero();
-            let mut extreme = false;
-            for (&source, q) in ys.iter().zip(qs) {
-                let [a, b, c] = source.to_array();
-                for i in 0..LANES {
-                    let d = [x[i] - a, y[i] - b, z[i] - c];
-                    let r2 = squared(d);
-                    let ordinary = is_ordinary(r2);
-                    let zero = T::from_f64(0.0);
-                    extreme |= !ordinary && d != [zero; 3];
-                    let (k, gradient) = from_squared::<E, T>(d, r2);
-                    let k = if ordinary { k } else { zero };
-                    let gradient = gradient.map(|g| if ordinary { g } else { zero });
-                    lanes.add::<T, O>(i, k, gradient, q);
+        if outcome == Outcome::Declined {
+            for (x, u) in xs.iter().zip(us) {
+                for (y, q) in ys.iter().zip(qs) {
+                    self.add(x, y, q, u);
                 }
-            }
-            if extreme {
-                for (&source, q) in ys.iter().zip(qs) {
-                    for (i, &target) in xs.iter().enumerate() {
-                        if !is_ordinary((target - source).length_squared()) {
-                            let (k, gradient) = evaluate::<E, T>(target, source);
-                            lanes.add::<T, O>(i, k, gradient, q);
-                        }
-                    }
-                }
-            }
-            for (i, u) in us.iter_mut().enumerate() {
-                O::add(u, &lanes.potential[i], &lanes.gradient.map(|component| component[i]));
             }
         }
     }
@@ -214,40 +186,11 @@ fn scaled<T: Real, C: Linear<T>>(scale: T, q: &C) -> C {
     product
 }
 
-/// Targets that are summed side by side.
-const LANES: usize = 8;
-
-/// Partial sums of [`LANES`] targets, one array per component so that they fill SIMD registers.
-struct Lanes<C> {
-    potential: [C; LANES],
-    gradient: [[C; LANES]; 3],
-}
-
-impl<C: Additive> Lanes<C> {
-    #[inline(always)]
-    fn zero() -> Self {
-        Self { potential: Additive::zero(), gradient: Additive::zero() }
-    }
-
-    #[inline(always)]
-    fn add<T: Real, O: Output<T, C>>(&mut self, i: usize, k: T, gradient: [T; 3], q: &C)
-    where
-        C: Linear<T>,
-    {
-        self.potential[i].add_scaled(k, q);
-        if O::GRADIENT {
-            for (sum, component) in self.gradient.iter_mut().zip(gradient) {
-                sum[i].add_scaled(component, q);
-            }
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use approx::assert_relative_eq;
-    use farfield::{direct, relative_l2_error};
+    use farfield::{Additive, direct, relative_l2_error};
     use glam::{DVec3, Vec3};
 
     fn points(n: usize, seed: f64) -> Vec<DVec3> {

@@ -231,3 +231,67 @@ fn refined_sqrt_error(delta: f64, degree: usize) -> f64 {
 /// (1 − e)^(−1/2) = Σ_k `BINOMIAL[k]` e^k
 #[cfg(target_arch = "x86_64")]
 const BINOMIAL: [f64; 6] = [1.0, 1.0 / 2.0, 3.0 / 8.0, 5.0 / 16.0, 35.0 / 128.0, 63.0 / 256.0];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pulp::{Scalar, WithSimd};
+    use std::marker::PhantomData;
+
+    /// The worst relative errors of 1/√x and 1/x, and their bounds.
+    struct Worst<F>(Digits, PhantomData<F>);
+
+    impl<F: Reciprocal> WithSimd for Worst<F> {
+        type Output = [(f64, f64); 2];
+
+        fn with_simd<S: Simd>(self, simd: S) -> Self::Output {
+            let digits = self.0;
+            let mut worst = [0.0; 2];
+            let exponent = F::LEAST.as_f64().log2() as i32;
+            for i in 0..20_000 {
+                let fraction = 1.0 + f64::from(i) * 0.618_034 % 1.0;
+                let x = F::from_f64(fraction * 2f64.powi(exponent + i % (-2 * exponent)));
+                let found = [
+                    first::<F, S>(F::inverse_sqrt(simd, digits, F::splat(simd, x))),
+                    first::<F, S>(F::inverse(simd, digits, F::splat(simd, x))),
+                ];
+                let exact = [x.as_f64().sqrt().recip(), x.as_f64().recip()];
+                for ((worst, found), exact) in worst.iter_mut().zip(found).zip(exact) {
+                    *worst = f64::max(*worst, (found / exact - 1.0).abs());
+                }
+            }
+            let bounds = [F::inverse_sqrt_error(simd, digits), F::inverse_error(simd, digits)];
+            [(worst[0], bounds[0]), (worst[1], bounds[1])]
+        }
+    }
+
+    fn first<F: Registers, S: Simd>(register: F::Register<S>) -> f64 {
+        let mut numbers = [F::from_f64(0.0); 16];
+        F::registers_mut::<S>(&mut numbers)[0] = register;
+        numbers[0].as_f64()
+    }
+
+    fn check<F: Reciprocal>() {
+        for (digits, most) in [(Digits::Few, 4e-4), (Digits::Half, 3e-7), (Digits::All, 0.0)] {
+            let worst = || Worst::<F>(digits, PhantomData);
+            let mut found = vec![Simd::vectorize(Scalar, worst())];
+            #[cfg(target_arch = "x86_64")]
+            {
+                found.extend(V3::try_new().map(|machine| Simd::vectorize(machine, worst())));
+                found.extend(V4::try_new().map(|machine| Simd::vectorize(machine, worst())));
+            }
+            let rounding = F::epsilon().as_f64();
+            for (error, bound) in found.into_iter().flatten() {
+                assert!(error <= bound + rounding, "{digits:?}: {error:e} > {bound:e}");
+                assert!(bound <= most + rounding / 2.0, "{digits:?}: {bound:e}");
+                assert!(bound < rounding || bound < 4.0 * error, "{digits:?}: {error:e} {bound:e}");
+            }
+        }
+    }
+
+    #[test]
+    fn errors_keep_their_bounds_at_every_level() {
+        check::<f32>();
+        check::<f64>();
+    }
+}
