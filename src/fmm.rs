@@ -139,7 +139,7 @@ impl<E: Expansion> Fmm<E> {
             let (expected, found) = (self.plan.sources.len(), charges.len());
             return Err(Error::LengthMismatch { what: "charges", expected, found });
         }
-        match charges.par_iter().position_first(|q| !q.is_finite()) {
+        match first_not_finite(charges) {
             Some(index) => {
                 Err(Error::NonFiniteCharge { index, charge: format!("{:?}", charges[index]) })
             }
@@ -158,11 +158,22 @@ impl<E: Expansion> Fmm<E> {
 }
 
 fn check_values<V: Additive>(values: &[V]) -> Result<(), Error> {
-    match values.par_iter().position_first(|u| !u.is_finite()) {
+    match first_not_finite(values) {
         Some(index) => Err(Error::NonFiniteValue { index, value: format!("{:?}", values[index]) }),
         None => Ok(()),
     }
 }
+
+/// Index of the first value that is not finite. O(N).
+fn first_not_finite<V: Additive>(values: &[V]) -> Option<usize> {
+    // To ask after each single value whether another thread has found one would cost more.
+    let not_finite = |chunk: &[V]| !chunk.iter().all(V::is_finite);
+    let start = CHUNK * values.par_chunks(CHUNK).position_first(not_finite)?;
+    values[start..].iter().position(|v| !v.is_finite()).map(|i| start + i)
+}
+
+/// Values per task of a check.
+const CHUNK: usize = 4096;
 
 impl<E: Expansion> fmt::Debug for Fmm<E> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

@@ -64,13 +64,12 @@ impl<T: Real> Bounds<T> {
             .par_chunks(CHUNK)
             .map(|points| (Self::around(points), points.iter().all(finite)))
             .reduce(|| (Self::around::<P>(&[]), true), |(a, x), (b, y)| (a.join(b), x && y));
-        match points.iter().position(|p| !all_finite && !finite(p)) {
-            Some(index) => {
-                let position = points[index].position().to_array().map(Real::as_f64);
-                Err(Error::NonFinitePosition { set, index, position })
-            }
-            None => Ok(bounds),
+        if all_finite {
+            return Ok(bounds);
         }
+        let index = points.iter().take_while(|p| finite(p)).count();
+        let position = points[index].position().to_array().map(Real::as_f64);
+        Err(Error::NonFinitePosition { set, index, position })
     }
 
     /// The box around both.
