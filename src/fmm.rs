@@ -10,13 +10,14 @@ use crate::expansion::{ChargeOf, Expansion, Geometry, Level, SourceOf, TargetOf,
 use crate::interpolation::Interpolation;
 use crate::kernel::PointKernel;
 use crate::layout::{Layout, Parts};
-use crate::lists::{Costs, Lists, Side};
+use crate::lists::{Costs, Lists};
 use crate::mask::{Mask, Unmasked};
 use crate::pace::pair_seconds;
 use crate::passes::{Plan, Scheme, Workspace};
 use crate::real::{Additive, Located, Real};
 use crate::stats::{Stats, stats};
 use crate::times::{ApplyTimes, BuildTimes, Clock};
+use crate::traversal::{Side, find_lists};
 use crate::tree::{Bounds, Tree};
 
 /// Which part of building a plan is under way.
@@ -138,7 +139,7 @@ impl<E: Expansion> Fmm<E> {
             let (expected, found) = (self.plan.sources.len(), charges.len());
             return Err(Error::LengthMismatch { what: "charges", expected, found });
         }
-        match charges.par_iter().position_first(|q| !q.is_finite()) {
+        match first_not_finite(charges) {
             Some(index) => {
                 Err(Error::NonFiniteCharge { index, charge: format!("{:?}", charges[index]) })
             }
@@ -157,11 +158,22 @@ impl<E: Expansion> Fmm<E> {
 }
 
 fn check_values<V: Additive>(values: &[V]) -> Result<(), Error> {
-    match values.par_iter().position_first(|u| !u.is_finite()) {
+    match first_not_finite(values) {
         Some(index) => Err(Error::NonFiniteValue { index, value: format!("{:?}", values[index]) }),
         None => Ok(()),
     }
 }
+
+/// Index of the first value that is not finite. O(N).
+fn first_not_finite<V: Additive>(values: &[V]) -> Option<usize> {
+    // To ask after each single value whether another thread has found one would cost more.
+    let not_finite = |chunk: &[V]| !chunk.iter().all(V::is_finite);
+    let start = CHUNK * values.par_chunks(CHUNK).position_first(not_finite)?;
+    values[start..].iter().position(|v| !v.is_finite()).map(|i| start + i)
+}
+
+/// Values per task of a check.
+const CHUNK: usize = 4096;
 
 impl<E: Expansion> fmt::Debug for Fmm<E> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -266,7 +278,7 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
 
         report(Phase::Lists, 0.0);
         let far = self.scheme != Scheme::Direct;
-        let mut lists = Lists::new(
+        let mut lists = find_lists(
             Side { tree: &target_tree, points: &targets },
             Side { tree: &source_tree, points: &sources },
             &self.mask,
@@ -284,21 +296,23 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
 
         // What an expansion costs is known only now.
         let expansion = self.expansion;
-        let treecode = self.scheme != Scheme::Fmm;
-        let finest = source_tree.levels().max(target_tree.levels());
-        let costs = Costs {
-            m2p: (0..finest).map(|level| expansion.m2p_pairs(level)).collect(),
-            p2l: (0..finest).map(|level| expansion.p2l_pairs(level)).collect(),
-            treecode,
+        let by_level = |of: &dyn Fn(usize) -> usize| -> Vec<usize> {
+            (0..source_tree.shape.levels().max(target_tree.shape.levels())).map(of).collect()
         };
-        lists.sum_small_directly(&target_tree, &source_tree, &costs);
+        let costs = Costs {
+            m2p: by_level(&|level| expansion.m2p_pairs(level)),
+            p2l: by_level(&|level| expansion.p2l_pairs(level)),
+            treecode: self.scheme != Scheme::Fmm,
+        };
+        lists.sum_small_directly(&target_tree.shape, &source_tree.shape, &costs);
         let layout = Layout::new(&Parts {
-            expansion: &expansion,
-            sources: &source_tree,
-            targets: &target_tree,
+            sources: &source_tree.shape,
+            targets: &target_tree.shape,
             lists: &lists,
-            shift_moments: self.scheme != (Scheme::Treecode { m2m: false }),
-            locals: !treecode,
+            costs: &costs,
+            multipole_lens: &by_level(&|level| expansion.multipole_len(level)),
+            local_lens: &by_level(&|level| expansion.local_len(level)),
+            shift_moments: self.scheme.shifts_moments(),
         });
         let plan = Plan {
             expansion,
@@ -328,7 +342,7 @@ impl<E: fmt::Debug, M: fmt::Debug> fmt::Debug for Builder<'_, E, M> {
 }
 
 fn in_tree_order<P: Located>(points: &[P], tree: &Tree<P::Real>) -> Vec<P> {
-    tree.order.par_iter().map(|&i| points[i as usize].clone()).collect()
+    tree.shape.order.par_iter().map(|&i| points[i as usize].clone()).collect()
 }
 
 /// The levels at which expansions are formed. M2P and P2L need the level of their expansion, and
@@ -342,15 +356,15 @@ fn levels<T: Real>(
     // Cells are stored from the coarsest level to the finest, so the first is on the coarsest.
     let groups = 0..target_tree.cells.len();
     let receives = |&t: &usize| !lists.m2l.of(t).is_empty() || !lists.p2l.of(t).is_empty();
-    let local = groups.into_iter().find(receives).map(|t| target_tree.cells[t].level());
+    let local = groups.into_iter().find(receives).map(|t| target_tree.shape.nodes[t].level());
     let m2p = lists.m2p.items.par_iter().min();
-    let multipole = m2p.map(|&s| source_tree.cells[s as usize].level());
+    let multipole = m2p.map(|&s| source_tree.shape.nodes[s as usize].level());
     let Some(coarsest) = local.into_iter().chain(multipole).min() else { return Vec::new() };
-    let finest = source_tree.levels().max(target_tree.levels());
+    let finest = source_tree.shape.levels().max(target_tree.shape.levels());
     (coarsest..finest)
         .map(|level| {
-            let target = target_tree.level(level).next().map(|t| &target_tree.cells[t]);
-            let source = || source_tree.level(level).next().map(|s| &source_tree.cells[s]);
+            let target = target_tree.shape.level(level).next().map(|t| &target_tree.cells[t]);
+            let source = || source_tree.shape.level(level).next().map(|s| &source_tree.cells[s]);
             let cell = target.or_else(source);
             let half_width = cell.map_or(T::from_f64(0.0), |cell| cell.half_width());
             let offsets = lists.offsets.get(level).filter(|_| scheme == Scheme::Fmm);

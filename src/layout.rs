@@ -6,10 +6,8 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 use rayon::prelude::*;
 
-use crate::expansion::{Expansion, RealOf};
-use crate::lists::Lists;
-use crate::real::Real;
-use crate::tree::Tree;
+use crate::lists::{Costs, Lists};
+use crate::shape::Shape;
 
 /// The layout of a plan.
 #[derive(Debug)]
@@ -24,33 +22,35 @@ pub(crate) struct Layout {
     pub(crate) local_terms: Vec<usize>,
     /// The place in tree order of each of the caller's targets.
     pub(crate) target_ranks: Vec<u32>,
-    /// Consecutive target leaves, as ranges in [`Tree::leaves`], of about the same work.
+    /// Consecutive target leaves, as ranges in [`Shape::leaves`], of about the same work.
     pub(crate) tasks: Vec<Range<usize>>,
 }
 
 /// What a layout follows from.
-pub(crate) struct Parts<'a, E: Expansion> {
-    pub(crate) expansion: &'a E,
-    pub(crate) sources: &'a Tree<RealOf<E>>,
-    pub(crate) targets: &'a Tree<RealOf<E>>,
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Parts<'a> {
+    pub(crate) sources: &'a Shape,
+    pub(crate) targets: &'a Shape,
     pub(crate) lists: &'a Lists,
+    pub(crate) costs: &'a Costs,
+    /// Multipole terms of a cell, level by level.
+    pub(crate) multipole_lens: &'a [usize],
+    /// Local terms of a cell, level by level.
+    pub(crate) local_lens: &'a [usize],
     /// Whether parents take their moments from their children.
     pub(crate) shift_moments: bool,
-    /// Whether there are local expansions; otherwise the pairs of the M2L list go by M2P.
-    pub(crate) locals: bool,
 }
 
 /// About how many tasks the leaves are cut into: enough to keep many threads evenly busy.
 const TASKS: u64 = 1024;
 
 impl Layout {
-    pub(crate) fn new<E: Expansion>(parts: &Parts<'_, E>) -> Self {
+    pub(crate) fn new(parts: &Parts<'_>) -> Self {
         let multipole = multipoles_used(parts);
         let local = locals_used(parts);
-        let expansion = parts.expansion;
         Self {
-            multipole_terms: terms(parts.sources, &multipole, |l| expansion.multipole_len(l)),
-            local_terms: terms(parts.targets, &local, |l| expansion.local_len(l)),
+            multipole_terms: terms(parts.sources, &multipole, parts.multipole_lens),
+            local_terms: terms(parts.targets, &local, parts.local_lens),
             target_ranks: parts.targets.ranks(),
             tasks: tasks(&leaf_work(parts, &local)),
             multipole,
@@ -59,9 +59,9 @@ impl Layout {
     }
 }
 
-fn multipoles_used<E: Expansion>(parts: &Parts<'_, E>) -> Vec<bool> {
+fn multipoles_used(parts: &Parts<'_>) -> Vec<bool> {
     let Parts { sources, lists, .. } = parts;
-    let used: Vec<AtomicBool> = sources.cells.iter().map(|_| AtomicBool::new(false)).collect();
+    let used: Vec<AtomicBool> = sources.nodes.iter().map(|_| AtomicBool::new(false)).collect();
     lists.m2l.items.par_iter().chain(&lists.m2p.items).for_each(|&s| {
         // Most are set already: reading leaves the cache line shared.
         let used = &used[s as usize];
@@ -78,10 +78,10 @@ fn multipoles_used<E: Expansion>(parts: &Parts<'_, E>) -> Vec<bool> {
     used
 }
 
-fn locals_used<E: Expansion>(parts: &Parts<'_, E>) -> Vec<bool> {
+fn locals_used(parts: &Parts<'_>) -> Vec<bool> {
     let Parts { targets, lists, .. } = parts;
-    let mut used = vec![false; targets.cells.len()];
-    if parts.locals {
+    let mut used = vec![false; targets.nodes.len()];
+    if !parts.costs.treecode {
         for t in 0..used.len() {
             used[t] = used[targets.nodes[t].parent as usize]
                 || !lists.m2l.of(t).is_empty()
@@ -92,28 +92,28 @@ fn locals_used<E: Expansion>(parts: &Parts<'_, E>) -> Vec<bool> {
 }
 
 /// The terms of each level in which a cell is used.
-fn terms<T: Real>(tree: &Tree<T>, used: &[bool], len: impl Fn(usize) -> usize) -> Vec<usize> {
+fn terms(shape: &Shape, used: &[bool], lens: &[usize]) -> Vec<usize> {
     let terms = |level| {
-        let cells = tree.level(level);
-        if used[cells.clone()].contains(&true) { cells.len() * len(level) } else { 0 }
+        let cells = shape.level(level);
+        if used[cells.clone()].contains(&true) { cells.len() * lens[level] } else { 0 }
     };
-    (0..tree.levels()).map(terms).collect()
+    (0..shape.levels()).map(terms).collect()
 }
 
 /// What every target leaf costs, in units of a pair summed directly.
-fn leaf_work<E: Expansion>(parts: &Parts<'_, E>, local: &[bool]) -> Vec<u64> {
-    let Parts { expansion, sources, targets, lists, .. } = parts;
-    let m2p = |s: u32| expansion.m2p_pairs(sources.cells[s as usize].level()) as u64;
+fn leaf_work(parts: &Parts<'_>, local: &[bool]) -> Vec<u64> {
+    let Parts { sources, targets, lists, costs, local_lens, .. } = parts;
+    let m2p = |s: u32| costs.m2p[sources.nodes[s as usize].level()] as u64;
     let work = |&t: &u32| {
         let t = t as usize;
         let runs = lists.near.of(t).iter().map(|run| u64::from(run.last - run.first));
         let mut per_target = runs.sum::<u64>();
         let mut add = |work: u64| per_target = per_target.saturating_add(work);
         if local[t] {
-            add(expansion.local_len(targets.cells[t].level()) as u64);
+            add(local_lens[targets.nodes[t].level()] as u64);
         }
         lists.m2p.of(t).iter().for_each(|&s| add(m2p(s)));
-        if !parts.locals {
+        if costs.treecode {
             let inherited = targets.path_to_root(t).flat_map(|cell| lists.m2l.of(cell));
             inherited.for_each(|&s| add(m2p(s)));
         }

@@ -33,6 +33,13 @@ pub enum Scheme {
     Fmm,
 }
 
+impl Scheme {
+    /// Whether parents take their moments from their children.
+    pub(crate) fn shifts_moments(self) -> bool {
+        self != (Self::Treecode { m2m: false })
+    }
+}
+
 /// What a sum needs besides charges.
 pub(crate) struct Plan<E: Expansion> {
     pub(crate) expansion: E,
@@ -139,17 +146,17 @@ impl<E: Expansion> Plan<E> {
         clock: &mut Clock,
         times: &mut ApplyTimes,
     ) {
-        let order = self.source_tree.order.par_iter();
+        let order = self.source_tree.shape.order.par_iter();
         workspace.charges.par_iter_mut().zip(order).for_each(|(q, &i)| *q = charges[i as usize]);
         clock.lap(&mut times.permutation);
         self.p2m(workspace);
         clock.lap(&mut times.p2m);
-        if self.shifts_moments() {
+        if self.scheme.shifts_moments() {
             self.m2m(workspace);
             clock.lap(&mut times.m2m);
         }
         if self.scheme == Scheme::Fmm {
-            for level in 0..self.target_tree.levels() {
+            for level in 0..self.target_tree.shape.levels() {
                 self.m2l(level, workspace);
                 clock.lap(&mut times.m2l);
                 self.l2l(level, workspace);
@@ -164,21 +171,17 @@ impl<E: Expansion> Plan<E> {
         ranks.map(|&rank| workspace.values[rank as usize]).collect()
     }
 
-    fn shifts_moments(&self) -> bool {
-        self.scheme != (Scheme::Treecode { m2m: false })
-    }
-
     /// P2M wherever moments are not shifted from children.
     fn p2m(&self, workspace: &mut Workspace<E>) {
         let Workspace { charges, multipoles, .. } = workspace;
         let tree = &self.source_tree;
         for (level, multipoles) in multipoles.iter_mut().enumerate() {
-            let first = tree.level(level).start;
+            let first = tree.shape.level(level).start;
             cells_mut(multipoles, self.expansion.multipole_len(level)).for_each(
                 |(i, multipole)| {
-                    let (cell, node) = (&tree.cells[first + i], &tree.nodes[first + i]);
+                    let (cell, node) = (&tree.cells[first + i], &tree.shape.nodes[first + i]);
                     if !self.layout.multipole[first + i]
-                        || (!node.is_leaf() && self.shifts_moments())
+                        || (!node.is_leaf() && self.scheme.shifts_moments())
                     {
                         return;
                     }
@@ -194,18 +197,18 @@ impl<E: Expansion> Plan<E> {
     /// M2M into every cell that has children, from the deepest up.
     fn m2m(&self, workspace: &mut Workspace<E>) {
         let tree = &self.source_tree;
-        for level in (0..tree.levels()).rev() {
+        for level in (0..tree.shape.levels()).rev() {
             let (head, below) = workspace.multipoles.split_at_mut(level + 1);
-            let first = tree.level(level).start;
+            let first = tree.shape.level(level).start;
             let len = self.expansion.multipole_len(level);
             cells_mut(&mut head[level], len).for_each(|(i, multipole)| {
-                let (cell, node) = (&tree.cells[first + i], &tree.nodes[first + i]);
+                let (cell, node) = (&tree.cells[first + i], &tree.shape.nodes[first + i]);
                 if !self.layout.multipole[first + i] || node.is_leaf() {
                     return;
                 }
                 multipole.fill(Additive::zero());
                 let child_len = self.expansion.multipole_len(level + 1);
-                let first_child = tree.level(level + 1).start;
+                let first_child = tree.shape.level(level + 1).start;
                 for c in node.children() {
                     let child = terms(&below[0], c - first_child, child_len);
                     self.expansion.m2m(&tree.cells[c], cell, child, multipole);
@@ -223,10 +226,10 @@ impl<E: Expansion> Plan<E> {
             return;
         }
         locals.par_iter_mut().for_each(|term| *term = Additive::zero());
-        let cells = targets.level(level);
+        let cells = targets.shape.level(level);
         let starts = &self.lists.m2l.starts[cells.start..=cells.end];
         if starts[0] != starts[cells.len()] {
-            let source_cells = sources.level(level);
+            let source_cells = sources.shape.level(level);
             let pairs = LevelPairs {
                 level,
                 sources: &sources.cells[source_cells.clone()],
@@ -245,18 +248,18 @@ impl<E: Expansion> Plan<E> {
         let (sources, targets) = (&self.source_tree, &self.target_tree);
         let p2l = &self.lists.p2l;
         let (above, tail) = locals.split_at_mut(level);
-        let first = targets.level(level).start;
+        let first = targets.shape.level(level).start;
         cells_mut(&mut tail[0], self.expansion.local_len(level)).for_each(|(i, local)| {
             let t = first + i;
-            let (cell, parent) = (&targets.cells[t], targets.nodes[t].parent as usize);
+            let (cell, parent) = (&targets.cells[t], targets.shape.nodes[t].parent as usize);
             if level > 0 && self.layout.local[parent] {
                 let parent_len = self.expansion.local_len(level - 1);
-                let first_parent = targets.level(level - 1).start;
+                let first_parent = targets.shape.level(level - 1).start;
                 let from = terms(&above[level - 1], parent - first_parent, parent_len);
                 self.expansion.l2l(&targets.cells[parent], cell, from, local);
             }
             for (k, &s) in p2l.of(t).iter().enumerate() {
-                let points = sources.nodes[s as usize].points();
+                let points = sources.shape.nodes[s as usize].points();
                 let (ys, qs) = (&self.sources[points.clone()], &charges[points]);
                 let declined = self.expansion.p2l(cell, ys, qs, local) == Outcome::Declined;
                 p2l_declined[p2l.starts[t] + k].store(declined, Relaxed);
@@ -269,14 +272,15 @@ impl<E: Expansion> Plan<E> {
         let Workspace { charges, values, multipoles, locals, p2l_declined } = workspace;
         let at_leaf = |t: usize, us: &mut [ValueOf<E>]| {
             let tree = &self.target_tree;
-            let xs = &self.targets[tree.nodes[t].points()];
+            let xs = &self.targets[tree.shape.nodes[t].points()];
             if sweep.local {
                 us.fill(Additive::zero());
             }
             if sweep.local && self.layout.local[t] {
                 let cell = &tree.cells[t];
                 let len = self.expansion.local_len(cell.level());
-                let local = terms(&locals[cell.level()], t - tree.level(cell.level()).start, len);
+                let local =
+                    terms(&locals[cell.level()], t - tree.shape.level(cell.level()).start, len);
                 self.expansion.l2p(cell, local, xs, us);
             }
             if sweep.multipole {
@@ -303,13 +307,13 @@ impl<E: Expansion> Plan<E> {
         visit: &(impl Fn(usize, &mut [ValueOf<E>]) + Sync),
     ) {
         let tree = &self.target_tree;
-        let points = |leaf: usize| tree.nodes[tree.leaves[leaf] as usize].points();
+        let points = |leaf: usize| tree.shape.nodes[tree.shape.leaves[leaf] as usize].points();
         match tasks {
             [] => (),
             [task] => {
                 for leaf in task.clone() {
                     let (us, rest) = values.split_at_mut(points(leaf).len());
-                    visit(tree.leaves[leaf] as usize, us);
+                    visit(tree.shape.leaves[leaf] as usize, us);
                     values = rest;
                 }
             }
@@ -337,7 +341,7 @@ impl<E: Expansion> Plan<E> {
     ) {
         let treecode = self.scheme != Scheme::Fmm;
         let p2l = &self.lists.p2l;
-        for t in self.target_tree.path_to_root(leaf) {
+        for t in self.target_tree.shape.path_to_root(leaf) {
             if treecode {
                 for &s in self.lists.m2l.of(t) {
                     far.m2p(s, xs, us);
@@ -378,7 +382,7 @@ impl<E: Expansion> Far<'_, E> {
         let (plan, tree) = (self.plan, &self.plan.source_tree);
         let cell = &tree.cells[s as usize];
         let len = plan.expansion.multipole_len(cell.level());
-        let index = s as usize - tree.level(cell.level()).start;
+        let index = s as usize - tree.shape.level(cell.level()).start;
         let multipole = terms(&self.multipoles[cell.level()], index, len);
         if plan.expansion.m2p(cell, multipole, xs, us) == Outcome::Declined {
             self.direct(s, xs, us);
@@ -386,7 +390,7 @@ impl<E: Expansion> Far<'_, E> {
     }
 
     fn direct(&self, s: u32, xs: &[TargetOf<E>], us: &mut [ValueOf<E>]) {
-        let points = self.plan.source_tree.nodes[s as usize].points();
+        let points = self.plan.source_tree.shape.nodes[s as usize].points();
         let (ys, qs) = (&self.plan.sources[points.clone()], &self.charges[points]);
         let expansion = &self.plan.expansion;
         expansion.kernel().add_block(xs, ys, qs, expansion.pair_tolerance(), us);

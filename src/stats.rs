@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use crate::expansion::Expansion;
 use crate::lists::{ALL, Lists};
 use crate::passes::{Plan, Workspace};
+use crate::shape::Node;
 
 /// What a plan consists of.
 #[derive(Clone, Debug, PartialEq)]
@@ -55,7 +56,7 @@ impl Stats {
 
 pub(crate) fn stats<E: Expansion>(plan: &Plan<E>, leaf_size: usize) -> Stats {
     let Plan { expansion, source_tree, target_tree, lists, .. } = plan;
-    let depth = source_tree.levels().max(target_tree.levels()).saturating_sub(1);
+    let depth = source_tree.shape.levels().max(target_tree.shape.levels()).saturating_sub(1);
     let mut stats = Stats {
         sources: plan.sources.len(),
         targets: plan.targets.len(),
@@ -78,18 +79,21 @@ pub(crate) fn stats<E: Expansion>(plan: &Plan<E>, leaf_size: usize) -> Stats {
         stats.cells += target_tree.cells.len();
         stats.tree_bytes += target_tree.bytes();
     }
-    let pairs = |t: usize| {
-        let targets = target_tree.nodes[t].count() as u64;
-        let sources_of = |&s: &u32| source_tree.nodes[s as usize].count() as u64;
-        let lists = [&lists.m2l, &lists.m2p, &lists.p2l].into_iter();
-        let sources: u64 = lists.flat_map(|list| list.of(t)).map(sources_of).sum();
-        (targets * sources, near_pairs(&plan.lists, t, targets))
-    };
-    (stats.expansion_pairs, stats.direct_pairs) = (0..target_tree.cells.len())
-        .into_par_iter()
-        .map(pairs)
-        .reduce(|| (0, 0), |(a, x), (b, y)| (a + b, x + y));
+    (stats.expansion_pairs, stats.direct_pairs) =
+        pairs(lists, &target_tree.shape.nodes, &source_tree.shape.nodes);
     stats
+}
+
+/// Pairs of points that expansions carry, and that are summed directly.
+fn pairs(lists: &Lists, targets: &[Node], sources: &[Node]) -> (u64, u64) {
+    let pairs = |(t, target): (usize, &Node)| {
+        let targets = target.count() as u64;
+        let sources_of = |&s: &u32| sources[s as usize].count() as u64;
+        let far = [&lists.m2l, &lists.m2p, &lists.p2l].into_iter().flat_map(|list| list.of(t));
+        (targets * far.map(sources_of).sum::<u64>(), near_pairs(lists, t, targets))
+    };
+    let sum = |(a, x): (u64, u64), (b, y): (u64, u64)| (a + b, x + y);
+    targets.par_iter().enumerate().map(pairs).reduce(|| (0, 0), sum)
 }
 
 /// Pairs of points in the near field of target cell `t`, which has this many targets.

@@ -30,7 +30,7 @@ fn a_warm_plan_allocates_nothing_but_its_result() {
         let change = region.change();
         assert!(change.bytes_allocated >= size_of_val(&values[..]));
         // The thread pool's queues may grow now and then.
-        let slack = 16 << 10;
+        let slack = 8 << 10;
         assert!(change.bytes_allocated <= size_of_val(&values[..]) + slack, "{change:?}");
         assert!(change.allocations + change.reallocations <= 8, "{change:?}");
     });
