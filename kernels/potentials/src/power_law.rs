@@ -3,7 +3,7 @@
 use std::fmt;
 use std::marker::PhantomData;
 
-use farfield::{Additive, Columns, Kernel, Linear, Outcome, Point, PointKernel, Real, Vector};
+use farfield::{Columns, Kernel, Linear, Outcome, Point, PointKernel, Real, Vector};
 
 use crate::exponent::{Exponent, MinusFour, MinusOne, MinusTwo, PlusTwo};
 use crate::near_field::Block;
