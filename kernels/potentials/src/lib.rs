@@ -8,9 +8,11 @@
 //! # Ok::<(), farfield::Error>(())
 //! ```
 
+mod columns;
 mod expansion;
 mod exponent;
 pub mod harmonic;
+mod law;
 mod near_field;
 mod output;
 mod power_law;

@@ -1,22 +1,25 @@
 //! The inner loop of direct sums: blocks of targets and sources in SIMD registers.
 //!
-//! A group of up to three registers of targets stays put while the sources pass, each broadcast to
-//! all places of a register. Three independent chains of arithmetic are what hides an instruction's
-//! latency; few targets in a register are what leaves have. All that is generic here is settled when
-//! the code is compiled: per machine (AVX-512, AVX2, or neither), number of digits and group size,
-//! one straight loop.
+//! A group of one to three registers of targets stays put while the sources pass, each broadcast to
+//! all places of a register. Three independent chains of arithmetic hide the latency of the
+//! instructions, and groups this small waste few places on leaves of 20 to 60 points. All that is
+//! generic here is settled when the code is compiled: per machine (AVX-512, AVX2, or neither), number
+//! of digits and size of group there is one straight loop.
+//!
+//! Code with wide registers must be inlined into the function that `pulp` compiles for the machine.
+//! Hence `#[inline(always)]` throughout, and loops where closures on arrays would be shorter.
 //!
 //! The loop is for blocks of ordinary coordinates and of charges that are plain numbers. It declines
 //! any other, which [`PowerLaw`](crate::PowerLaw) sums pair by pair.
 
-use std::any::{Any, TypeId};
 use std::marker::PhantomData;
 
-use farfield::{Additive, Linear, Outcome, Point, Real, Vector};
-use num_complex::Complex;
+use farfield::{Linear, Outcome, Point, Real, Vector};
 use pulp::{Arch, Simd, WithSimd};
 
+use crate::columns::{columns, from_columns, same, to_columns};
 use crate::exponent::Exponent;
+use crate::law::{Law, slope};
 use crate::output::Output;
 use crate::reciprocal::{Digits, Reciprocal};
 use crate::registers::Registers;
@@ -100,8 +103,9 @@ where
     #[inline(always)]
     fn groups<S: Simd, const N: usize>(self, simd: S, law: Law, digits: Digits) {
         let lanes = lanes::<F, S>();
+        // Three of eight registers for sums leave enough for coordinates and intermediate results.
         let sums = if O::GRADIENT { 4 * N } else { N };
-        let most = (3 * S::REGISTER_COUNT / 8 / sums).clamp(1, S::REGISTER_COUNT / 10);
+        let most = (S::REGISTER_COUNT * 3 / 8 / sums).clamp(1, 3);
         let Self { mut xs, ys, qs, mut us, .. } = self;
         while !xs.is_empty() {
             let registers = xs.len().div_ceil(lanes);
@@ -211,99 +215,10 @@ fn group<S, E, F, T, C, O, const G: usize, const N: usize>(
             let mut gradient = [C::zero(); 3];
             if O::GRADIENT {
                 for c in 0..3 {
-                    gradient[c] = from_columns::<T, C, F, N>(&slopes[c], i);
+                    gradient[c] = from_columns::<T, C, F, N, LANES>(&slopes[c], i);
                 }
             }
-            O::add(u, &from_columns::<T, C, F, N>(&sums, i), &gradient);
-        }
-    }
-}
-
-/// The exponents that the loop knows.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Law {
-    /// 1/r
-    MinusOne,
-    /// 1/r²
-    MinusTwo,
-    /// 1/r⁴
-    MinusFour,
-    /// r²
-    PlusTwo,
-}
-
-impl Law {
-    #[inline(always)]
-    fn of<E: Exponent>() -> Option<Self> {
-        match E::LAMBDA {
-            0.5 => Some(Self::MinusOne),
-            1.0 => Some(Self::MinusTwo),
-            2.0 => Some(Self::MinusFour),
-            -1.0 => Some(Self::PlusTwo),
-            _ => None,
-        }
-    }
-
-    /// K = r^(−2λ) and r⁻², both 0 at coincident points. For r², whose gradient is 2d, the latter is
-    /// of no use and left out.
-    #[inline(always)]
-    fn at<F: Reciprocal, S: Simd>(
-        self,
-        simd: S,
-        digits: Digits,
-        r2: F::Register<S>,
-    ) -> (F::Register<S>, Option<F::Register<S>>) {
-        let least = F::splat(simd, F::LEAST);
-        let apart = |a| F::where_at_least(simd, r2, least, a);
-        match self {
-            Self::MinusOne => {
-                let k = apart(F::inverse_sqrt(simd, digits, r2));
-                (k, Some(F::times(simd, k, k)))
-            }
-            Self::MinusTwo => {
-                let k = apart(F::inverse(simd, digits, r2));
-                (k, Some(k))
-            }
-            Self::MinusFour => {
-                let inverse = apart(F::inverse(simd, digits, r2));
-                (F::times(simd, inverse, inverse), Some(inverse))
-            }
-            Self::PlusTwo => (r2, None),
-        }
-    }
-
-    /// The relative error of K, or of K and its gradient.
-    #[inline(always)]
-    fn error<F: Reciprocal, S: Simd>(self, simd: S, digits: Digits, gradient: bool) -> f64 {
-        let (power, error) = match self {
-            Self::MinusOne => (1 + 2 * i32::from(gradient), F::inverse_sqrt_error(simd, digits)),
-            Self::MinusTwo => (1 + i32::from(gradient), F::inverse_error(simd, digits)),
-            Self::MinusFour => (2 + i32::from(gradient), F::inverse_error(simd, digits)),
-            Self::PlusTwo => (0, 0.0),
-        };
-        (1.0 + error).powi(power) - 1.0
-    }
-}
-
-/// K d / r² as a vector and a factor, multiplied in an order that stays in range.
-#[inline(always)]
-fn slope<F: Reciprocal, S: Simd>(
-    simd: S,
-    d: [F::Register<S>; 3],
-    k: F::Register<S>,
-    inverse: Option<F::Register<S>>,
-) -> ([F::Register<S>; 3], F::Register<S>) {
-    match inverse {
-        None => (d, F::splat(simd, F::from_f64(1.0))),
-        Some(inverse) if F::CUBES => (d, F::times(simd, k, inverse)),
-        Some(inverse) => {
-            let [a, b, c] = d;
-            let d = [
-                F::times(simd, a, inverse),
-                F::times(simd, b, inverse),
-                F::times(simd, c, inverse),
-            ];
-            (d, k)
+            O::add(u, &from_columns::<T, C, F, N, LANES>(&sums, i), &gradient);
         }
     }
 }
@@ -344,74 +259,6 @@ fn any_too_close<F: Reciprocal, T: Real>(xs: &[Point<T>], ys: &[Point<T>]) -> bo
     any
 }
 
-/// The same number in the same precision, by its other name.
-#[inline(always)]
-fn same<A: Real, B: Real>(a: A) -> B {
-    B::from_f64(a.as_f64())
-}
-
-/// How many numbers a charge is made of, if it is a number, real or complex, a point, or an array of
-/// up to four numbers.
-#[inline(always)]
-fn columns<T: Real, C: 'static>() -> Option<usize> {
-    let types = [
-        (TypeId::of::<T>(), 1),
-        (TypeId::of::<[T; 1]>(), 1),
-        (TypeId::of::<[T; 2]>(), 2),
-        (TypeId::of::<Complex<T>>(), 2),
-        (TypeId::of::<[T; 3]>(), 3),
-        (TypeId::of::<Point<T>>(), 3),
-        (TypeId::of::<[T; 4]>(), 4),
-    ];
-    types.into_iter().find(|(id, _)| *id == TypeId::of::<C>()).map(|(_, columns)| columns)
-}
-
-/// The `N` numbers of a charge; see [`columns`].
-#[inline(always)]
-fn to_columns<T: Real, C: 'static, F: Real, const N: usize>(charge: &C) -> [F; N] {
-    let charge: &dyn Any = charge;
-    let mut columns = [F::from_f64(0.0); N];
-    if let Some(numbers) = charge.downcast_ref::<[T; N]>() {
-        for n in 0..N {
-            columns[n] = same(numbers[n]);
-        }
-    } else if let Some(&number) = charge.downcast_ref::<T>() {
-        columns[0] = same(number);
-    } else if let Some(number) = charge.downcast_ref::<Complex<T>>() {
-        for n in 0..N {
-            columns[n] = same([number.re, number.im][n % 2]);
-        }
-    } else if let Some(point) = charge.downcast_ref::<Point<T>>() {
-        let point = point.to_array();
-        for n in 0..N {
-            columns[n] = same(point[n % 3]);
-        }
-    }
-    columns
-}
-
-/// The inverse of [`to_columns`], from the numbers at place `i`.
-#[inline(always)]
-fn from_columns<T: Real, C: Additive, F: Real, const N: usize>(
-    rows: &[[F; LANES]; N],
-    i: usize,
-) -> C {
-    let mut columns = [T::from_f64(0.0); N];
-    for n in 0..N {
-        columns[n] = same(rows[n][i]);
-    }
-    let at = |n: usize| columns[n % N];
-    let point = Point::<T>::from_array([at(0), at(1), at(2)]);
-    let complex = Complex::new(at(0), at(1));
-    let forms: [&dyn Any; 4] = [&columns, &columns[0], &complex, &point];
-    for form in forms {
-        if let Some(&charge) = form.downcast_ref::<C>() {
-            return charge;
-        }
-    }
-    C::zero()
-}
-
 /// Numbers in a register.
 #[inline(always)]
 const fn lanes<F: Registers, S: Simd>() -> usize {
@@ -423,6 +270,7 @@ mod tests {
     use super::*;
     use crate::exponent::{MinusFour, MinusOne, MinusTwo, PlusTwo};
     use crate::output::{PotentialGradient, WithGradient};
+    use farfield::Additive;
 
     /// Runs a block at a dispatch level, if the machine has it: portable, AVX2, AVX-512.
     fn at_level<E, F, T, C, O>(level: usize, block: Block<'_, E, F, T, C, O>) -> Option<Outcome>
