@@ -6,7 +6,6 @@ use std::fmt;
 use pulp::Arch;
 
 use crate::chebyshev::Chebyshev;
-use crate::dense::Dense;
 use crate::error::Error;
 use crate::expansion::{Expansion, Geometry, LevelPairs};
 use crate::geometry::Cell;
@@ -27,9 +26,8 @@ mod transfer;
 
 use basis::Basis;
 use operators::{Accuracy, shift_in_place};
-use points::{Powers, row};
-use prepared::{Everywhere, Prepared};
-use transfer::{add_signed, push_signed};
+use points::{Fields, Moments, Powers, row};
+use prepared::{Everywhere, Prepared, ShiftTerms};
 
 /// The far field of any [`PointKernel`]: interpolation at Chebyshev nodes (Fong and Darve, "The
 /// black-box fast multipole method", J. Comput. Phys. 228, 2009), reduced to the numerical rank of the
@@ -143,12 +141,8 @@ impl<K: PointKernel> Interpolation<K> {
                 }
                 self.scratch.with(
                     || Scratch::new(self.rule().len()),
-                    |Scratch { terms: [x, z, _], .. }| {
-                        x.clear();
-                        push_signed(from, shift.from, |term| term, x);
-                        z.resize(to.len(), Additive::zero());
-                        <K::Entry as Dense>::product(shift.matrix, x, false, z);
-                        add_signed(K::Real::from_f64(1.0), z, shift.to, |term| term, to);
+                    |Scratch { terms: [x, z], .. }| {
+                        Arch::new().dispatch(ShiftTerms { shift: &shift, from, x, z, to });
                     },
                 );
             }
@@ -156,7 +150,7 @@ impl<K: PointKernel> Interpolation<K> {
     }
 
     /// How many real arrays one right-hand side of one component takes.
-    const PARTS: usize = if K::Entry::COMPLEX { 2 } else { 1 };
+    const PARTS: usize = points::parts::<K::Entry>();
 }
 
 /// What P2M, L2P and the shifts write to in passing.
@@ -171,7 +165,7 @@ struct Scratch<K: PointKernel> {
     /// Densities or fields of one point.
     columns: Vec<K::Column>,
     gradients: Vec<[K::Column; 3]>,
-    terms: [Vec<K::Entry>; 3],
+    terms: [Vec<K::Entry>; 2],
 }
 
 impl<K: PointKernel> Scratch<K> {
@@ -183,7 +177,7 @@ impl<K: PointKernel> Scratch<K> {
             arrays: Vec::new(),
             columns: vec![K::Column::zero(); K::FIELDS.max(K::DENSITIES)],
             gradients: vec![[K::Column::zero(); 3]; if K::GRADIENT { K::FIELDS } else { 0 }],
-            terms: [Vec::new(), Vec::new(), Vec::new()],
+            terms: [Vec::new(), Vec::new()],
         }
     }
 
@@ -254,7 +248,7 @@ impl<K: PointKernel> Expansion for Interpolation<K> {
             || Scratch::new(n),
             |scratch| {
                 scratch.set_points(cell, sources);
-                let Scratch { powers, points, numbers, arrays, columns, .. } = scratch;
+                let Scratch { powers, points, numbers, arrays, columns, terms, .. } = scratch;
                 let count = K::Column::WIDTH * Self::PARTS * K::DENSITIES;
                 reset(numbers, count * sources.len());
                 for (j, (y, q)) in sources.iter().zip(charges).enumerate() {
@@ -266,15 +260,9 @@ impl<K: PointKernel> Expansion for Interpolation<K> {
                     }
                 }
                 reset(arrays, count * n * row(n));
-                let own = n * row(n) * K::DENSITIES;
-                Arch::new().dispatch(|| {
-                    powers.add_moments(points, numbers, arrays);
-                    let rhs = multipole.chunks_exact_mut(basis.rank().max(1));
-                    for (m, arrays) in rhs.zip(arrays.chunks_exact(own * Self::PARTS)) {
-                        let (re, im) = arrays.split_at(own);
-                        basis.add_moments(n, [re, if im.is_empty() { re } else { im }], m);
-                    }
-                });
+                let sums = &mut terms[0];
+                let moments = Moments { basis, powers, points, numbers, arrays, sums, multipole };
+                Arch::new().dispatch(moments);
             },
         );
     }
@@ -356,15 +344,10 @@ impl<K: PointKernel> Expansion for Interpolation<K> {
                 let derivatives = if K::GRADIENT { 4 } else { 1 };
                 reset(arrays, count * n * row(n));
                 reset(numbers, count * derivatives * targets.len());
-                let own = n * row(n) * K::FIELDS;
-                Arch::new().dispatch(|| {
-                    let rhs = local.chunks_exact(basis.rank().max(1));
-                    for (l, arrays) in rhs.zip(arrays.chunks_exact_mut(own * Self::PARTS)) {
-                        let (re, im) = arrays.split_at_mut(own);
-                        basis.add_coefficients(n, l, &mut terms[0], [re, im]);
-                    }
-                    powers.add_fields(points, arrays, K::GRADIENT, numbers);
-                });
+                let (sums, gradient) = (&mut terms[0], K::GRADIENT);
+                let fields =
+                    Fields { basis, powers, points, numbers, arrays, local, sums, gradient };
+                Arch::new().dispatch(fields);
                 let per_length = K::Real::from_f64(1.0) / cell.half_width();
                 for (i, (x, u)) in targets.iter().zip(values).enumerate() {
                     let number = |array: usize, derivative: usize| {

@@ -166,7 +166,13 @@ impl<S: Scalar> Basis<S> {
     /// m += Uᵀ m̃ for one right-hand side of Chebyshev moments in padded arrays: the real parts, and the
     /// imaginary ones if there are any.
     #[inline(always)]
-    pub(crate) fn add_moments(&self, n: usize, parts: [&[S::Real]; 2], m: &mut [S]) {
+    pub(crate) fn add_moments(
+        &self,
+        n: usize,
+        parts: [&[S::Real]; 2],
+        sums: &mut Vec<S>,
+        m: &mut [S],
+    ) {
         if self.is_full() {
             for (k, m) in m.iter_mut().enumerate() {
                 let place = place(k, n);
@@ -175,10 +181,13 @@ impl<S: Scalar> Basis<S> {
         }
         for block in &self.blocks {
             let m = &mut m[block.first..][..block.transposed.rows];
-            for (k, &place) in block.places.iter().enumerate() {
-                let moment = S::from_parts(parts[0][place as usize], parts[1][place as usize]);
-                axpy(moment, block.transposed.column(k), m);
-            }
+            sums.clear();
+            sums.extend(
+                block.places.iter().map(|&place| {
+                    S::from_parts(parts[0][place as usize], parts[1][place as usize])
+                }),
+            );
+            add_columns(&block.transposed, sums, m);
         }
     }
 
@@ -205,9 +214,7 @@ impl<S: Scalar> Basis<S> {
         for block in &self.blocks {
             sums.clear();
             sums.resize(block.functions.rows, zero::<S>());
-            for (j, &l) in l[block.first..][..block.functions.columns].iter().enumerate() {
-                axpy(l, block.functions.column(j), sums);
-            }
+            add_columns(&block.functions, &l[block.first..][..block.functions.columns], sums);
             for (&place, &sum) in block.places.iter().zip(sums.iter()) {
                 add(place as usize, sum);
             }
@@ -320,11 +327,25 @@ fn signs<T: Real>(parities: &[u8]) -> [Vec<T>; 8] {
     })
 }
 
-/// y += a x
+/// y += A x, four columns at a time.
 #[inline(always)]
-fn axpy<S: Scalar>(a: S, x: &[S], y: &mut [S]) {
-    for (y, &x) in y.iter_mut().zip(x) {
-        *y += a * x;
+pub(crate) fn add_columns<S: Scalar>(a: &Matrix<S>, x: &[S], y: &mut [S]) {
+    let rows = a.rows;
+    let (mut columns, mut numbers) = (&a.data[..], x);
+    while let [x0, x1, x2, x3, rest @ ..] = numbers {
+        let (four, others) = columns.split_at(4 * rows);
+        let (c0, four) = four.split_at(rows);
+        let (c1, four) = four.split_at(rows);
+        let (c2, c3) = four.split_at(rows);
+        for ((((y, &c0), &c1), &c2), &c3) in y.iter_mut().zip(c0).zip(c1).zip(c2).zip(c3) {
+            *y += (*x0 * c0 + *x1 * c1) + (*x2 * c2 + *x3 * c3);
+        }
+        (columns, numbers) = (others, rest);
+    }
+    for (column, &x) in columns.chunks_exact(rows.max(1)).zip(numbers) {
+        for (y, &c) in y.iter_mut().zip(column) {
+            *y += x * c;
+        }
     }
 }
 

@@ -3,15 +3,90 @@
 //! The array of one column of right-hand sides holds the coefficient of T̂_i(x) T̂_j(y) T̂_k(z) at
 //! i · [`row`]`(n)` + j · n + k.
 
+use pulp::{Simd, WithSimd};
+
 use crate::chebyshev::{derivatives, polynomials};
 use crate::interpolation::MAX_ORDER;
-use crate::real::Real;
+use crate::interpolation::basis::Basis;
+use crate::real::{Real, Scalar};
 
 /// Points that are summed side by side.
 const TOGETHER: usize = 4;
 
 /// Rows are padded to a multiple of this many numbers, which are summed in registers.
 const LANES: usize = 8;
+
+/// P2M of a cell.
+pub(crate) struct Moments<'a, S: Scalar> {
+    pub(crate) basis: &'a Basis<S>,
+    pub(crate) powers: &'a mut Powers<S::Real>,
+    /// Sources in half-widths.
+    pub(crate) points: &'a [[S::Real; 3]],
+    /// Densities, an array per right-hand side, part and component.
+    pub(crate) numbers: &'a [S::Real],
+    /// Zeros; Chebyshev moments afterwards.
+    pub(crate) arrays: &'a mut [S::Real],
+    pub(crate) sums: &'a mut Vec<S>,
+    /// What to add to.
+    pub(crate) multipole: &'a mut [S],
+}
+
+impl<S: Scalar> WithSimd for Moments<'_, S> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<V: Simd>(self, _: V) {
+        let Self { basis, powers, points, numbers, arrays, sums, multipole } = self;
+        if basis.rank() == 0 {
+            return;
+        }
+        powers.add_moments(points, numbers, arrays);
+        let len = arrays.len() / (multipole.len() / basis.rank());
+        for (m, arrays) in multipole.chunks_exact_mut(basis.rank()).zip(arrays.chunks_exact(len)) {
+            let (re, im) = arrays.split_at(len / parts::<S>());
+            basis.add_moments(powers.n, [re, if im.is_empty() { re } else { im }], sums, m);
+        }
+    }
+}
+
+/// L2P of a cell, before attributes are applied.
+pub(crate) struct Fields<'a, S: Scalar> {
+    pub(crate) basis: &'a Basis<S>,
+    pub(crate) powers: &'a mut Powers<S::Real>,
+    /// Targets in half-widths.
+    pub(crate) points: &'a [[S::Real; 3]],
+    /// What to add to: fields, an array per right-hand side, part and component; after each those of
+    /// the three derivatives, if asked for.
+    pub(crate) numbers: &'a mut [S::Real],
+    /// Zeros; coefficients afterwards.
+    pub(crate) arrays: &'a mut [S::Real],
+    pub(crate) local: &'a [S],
+    pub(crate) sums: &'a mut Vec<S>,
+    pub(crate) gradient: bool,
+}
+
+impl<S: Scalar> WithSimd for Fields<'_, S> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<V: Simd>(self, _: V) {
+        let Self { basis, powers, points, numbers, arrays, local, sums, gradient } = self;
+        if basis.rank() == 0 {
+            return;
+        }
+        let len = arrays.len() / (local.len() / basis.rank());
+        for (l, arrays) in local.chunks_exact(basis.rank()).zip(arrays.chunks_exact_mut(len)) {
+            let (re, im) = arrays.split_at_mut(len / parts::<S>());
+            basis.add_coefficients(powers.n, l, sums, [re, im]);
+        }
+        powers.add_fields(points, arrays, gradient, numbers);
+    }
+}
+
+/// How many real numbers one number of type `S` is.
+pub(crate) const fn parts<S: Scalar>() -> usize {
+    if S::COMPLEX { 2 } else { 1 }
+}
 
 /// Length of a padded row of n² coefficients.
 pub(crate) fn row(n: usize) -> usize {

@@ -2,16 +2,19 @@
 
 use std::sync::Arc;
 
+use pulp::{Simd, WithSimd};
+
 use crate::chebyshev::Chebyshev;
+use crate::dense::Matrix;
 use crate::error::Error;
 use crate::expansion::Geometry;
 use crate::interpolation::MAX_ORDER;
-use crate::interpolation::basis::Basis;
+use crate::interpolation::basis::{Basis, add_columns};
 use crate::interpolation::cache::{self, Key};
 use crate::interpolation::far_field::FarField;
 use crate::interpolation::operators::{Accuracy, LevelOperators, Operators, Sizes};
-use crate::interpolation::transfer::Transfers;
-use crate::probe::{self, Formula};
+use crate::interpolation::transfer::{Transfers, add_signed, signed};
+use crate::probe::{self, Formula, zero};
 use crate::real::{Real, Scalar};
 
 /// Operators, as far as they can be prepared.
@@ -188,7 +191,33 @@ impl<S: Scalar> Invariant<S> {
 
 /// A shift between levels: a matrix with signs on its columns and rows.
 pub(crate) struct Shift<'a, S: Scalar> {
-    pub(crate) matrix: &'a crate::dense::Matrix<S>,
+    pub(crate) matrix: &'a Matrix<S>,
     pub(crate) from: &'a [S::Real],
     pub(crate) to: &'a [S::Real],
+}
+
+/// M2M or L2L of one cell: to += S_to A S_from from.
+pub(crate) struct ShiftTerms<'a, S: Scalar> {
+    pub(crate) shift: &'a Shift<'a, S>,
+    pub(crate) from: &'a [S],
+    pub(crate) x: &'a mut Vec<S>,
+    pub(crate) z: &'a mut Vec<S>,
+    pub(crate) to: &'a mut [S],
+}
+
+impl<S: Scalar> WithSimd for ShiftTerms<'_, S> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<V: Simd>(self, _: V) {
+        let Self { shift: Shift { matrix, from: from_signs, to: to_signs }, from, x, z, to } = self;
+        x.resize(from.len(), zero::<S>());
+        signed(from, from_signs, |term| term, x);
+        z.clear();
+        z.resize(to.len(), zero::<S>());
+        for (x, z) in x.chunks_exact(matrix.columns).zip(z.chunks_exact_mut(matrix.rows)) {
+            add_columns(matrix, x, z);
+        }
+        add_signed(S::Real::from_f64(1.0), z, to_signs, |term| term, to);
+    }
 }

@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use pulp::Arch;
+use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
 use crate::dense::{Matrix, Svd};
@@ -214,21 +214,9 @@ impl<S: Scalar> Transfers<S> {
         enter: impl Fn(S) -> R,
         leave: impl Fn(R) -> S,
     ) {
-        let Cells { from, from_len, to, to_len, scale } = cells;
-        x.clear();
-        Arch::new().dispatch(|| {
-            for pair in pairs {
-                let m = &from[pair.source as usize * *from_len..][..*from_len];
-                push_signed(m, &self.from_signs[pair.reflection as usize], &enter, x);
-            }
-        });
+        Arch::new().dispatch(Gather { cells, pairs, signs: &self.from_signs, enter, x });
         factors.apply(x, y, z);
-        Arch::new().dispatch(|| {
-            for (pair, z) in pairs.iter().zip(z.chunks_exact(*to_len)) {
-                let l = &mut to[pair.target as usize * *to_len..][..*to_len];
-                add_signed(*scale, z, &self.to_signs[pair.reflection as usize], &leave, l);
-            }
-        });
+        Arch::new().dispatch(Scatter { cells, pairs, signs: &self.to_signs, leave, z });
     }
 
     /// The pairs of `count` targets from `first` on, operator by operator; calls `other(source, target)`
@@ -442,16 +430,63 @@ fn len_without_tail(len: usize, cut: f64, squared: impl Fn(usize) -> f64) -> usi
         .map_or(0, |i| i + 1)
 }
 
-/// Appends the terms of all columns with signs, each passed through `f`.
+/// Brings the multipoles of pairs together, with signs: the right-hand side of a product.
+struct Gather<'a, 'c, S: Scalar, R, F> {
+    cells: &'a Cells<'c, S>,
+    pairs: &'a [Pair],
+    signs: &'a [Vec<S::Real>; 8],
+    enter: F,
+    x: &'a mut Vec<R>,
+}
+
+impl<S: Scalar, R: Scalar, F: Fn(S) -> R> WithSimd for Gather<'_, '_, S, R, F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<V: Simd>(self, _: V) {
+        let Self { cells: Cells { from, from_len, .. }, pairs, signs, enter, x } = self;
+        x.resize(pairs.len() * from_len, zero::<R>());
+        for (pair, x) in pairs.iter().zip(x.chunks_exact_mut(*from_len)) {
+            let m = &from[pair.source as usize * from_len..][..*from_len];
+            signed(m, &signs[pair.reflection as usize], &enter, x);
+        }
+    }
+}
+
+/// Adds the columns of a product to the locals of pairs, with signs.
+struct Scatter<'a, 'c, S: Scalar, R, F> {
+    cells: &'a mut Cells<'c, S>,
+    pairs: &'a [Pair],
+    signs: &'a [Vec<S::Real>; 8],
+    leave: F,
+    z: &'a [R],
+}
+
+impl<S: Scalar, R: Scalar, F: Fn(R) -> S> WithSimd for Scatter<'_, '_, S, R, F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<V: Simd>(self, _: V) {
+        let Self { cells: Cells { to, to_len, scale, .. }, pairs, signs, leave, z } = self;
+        for (pair, z) in pairs.iter().zip(z.chunks_exact(*to_len)) {
+            let l = &mut to[pair.target as usize * *to_len..][..*to_len];
+            add_signed(*scale, z, &signs[pair.reflection as usize], &leave, l);
+        }
+    }
+}
+
+/// Writes the terms of all columns with signs, each passed through `f`.
 #[inline(always)]
-pub(crate) fn push_signed<S: Scalar, R>(
+pub(crate) fn signed<S: Scalar, R>(
     terms: &[S],
     signs: &[S::Real],
     f: impl Fn(S) -> R,
-    to: &mut Vec<R>,
+    to: &mut [R],
 ) {
-    for column in terms.chunks_exact(signs.len()) {
-        to.extend(column.iter().zip(signs).map(|(&term, &sign)| f(term * S::from_real(sign))));
+    for (to, column) in to.chunks_exact_mut(signs.len()).zip(terms.chunks_exact(signs.len())) {
+        for ((to, &term), &sign) in to.iter_mut().zip(column).zip(signs) {
+            *to = f(term * S::from_real(sign));
+        }
     }
 }
 
