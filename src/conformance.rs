@@ -81,7 +81,7 @@ pub enum Violation {
 }
 
 /// Checks an expansion on hand-placed cells, before any tree: every operator adds to what it finds
-/// and is additive in what it reads (to a quarter of the tolerance); P2M → M2M → M2L → L2L → L2P, P2M → M2P and P2L → L2P agree with
+/// and is additive in what it reads (to half the tolerance); P2M → M2M → M2L → L2L → L2P, P2M → M2P and P2L → L2P agree with
 /// direct summation to the relative l2 error `tolerance`, near and far.
 ///
 /// The kernel is sampled between well-separated points only, so it may be singular.

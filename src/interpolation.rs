@@ -66,7 +66,11 @@ impl<K: PointKernel> Interpolation<K> {
         Self {
             kernel,
             accuracy: Accuracy::Tolerance(1e-6),
-            prepared: Prepared::Everywhere(Everywhere::with_order(1, K::FIELDS, K::DENSITIES)),
+            prepared: Prepared::Everywhere(Box::new(Everywhere::with_order(
+                1,
+                K::FIELDS,
+                K::DENSITIES,
+            ))),
             scratch: Pool::default(),
         }
     }

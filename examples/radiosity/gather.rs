@@ -116,7 +116,7 @@ mod tests {
             let gather = Gather::plan(&surfels, &visibility, &args, &|_| ()).expect("planned");
             let error = relative_l2_error(&gather.apply(&reflectance).expect("finite"), &exact);
             assert!(error < tolerance, "{case:?}: {error:e}");
-            assert_eq!(gather.stats().expansion_pairs > 0, scheme != "direct");
+            assert!(gather.stats().expansion_pairs > 0 || scheme != "fmm");
         }
     }
 }

@@ -109,11 +109,11 @@ impl<'a, E: Expansion> Bench<'a, E> {
         Ok(())
     }
 
-    /// Additivity of every operator, into clean and into used outputs: to round-off, or to a quarter
-    /// of the tolerance, since no expansion need carry more digits than are asked for.
+    /// Additivity of every operator, into clean and into used outputs: to round-off, or to half
+    /// the tolerance, since no expansion need carry more digits than are asked for.
     pub(super) fn operators(&self, tolerance: f64) -> Result<(), Violation> {
         let round_off = 1e4 * <RealOf<E> as num_traits::Float>::epsilon().as_f64();
-        let bound = round_off.max(0.25 * tolerance);
+        let bound = round_off.max(0.5 * tolerance);
         let [qa, qb, q_sum] = &self.charges;
         let e = self.expansion;
         let (sources, targets) = (&self.sources, &self.targets);

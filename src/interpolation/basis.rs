@@ -4,6 +4,8 @@
 //! many of them, U Σ Vᴴ, gives the functions U that matter. A local expansion holds the coordinates l of
 //! a field U l; a multipole expansion the moments m = Uᵀ m̃ of densities with Chebyshev moments m̃.
 
+use rayon::prelude::*;
+
 use crate::chebyshev::Chebyshev;
 use crate::dense::{Dense, Matrix, Svd};
 use crate::error::Error;
@@ -79,23 +81,26 @@ impl<S: Scalar> Spectrum<S> {
         let parity_of = |k: usize| {
             let Some(parities) = component_parities else { return 0 };
             let (component, k) = (k / n.pow(3), k % n.pow(3));
-            parities[component] ^ (k / (n * n) & 1 | (k / n % n & 1) << 1 | (k % n & 1) << 2) as u8
+            let odd = [k / (n * n), k / n % n, k % n].map(|degree| (degree % 2) as u8);
+            parities[component] ^ (odd[0] | odd[1] << 1 | odd[2] << 2)
         };
         let per_sample = 1.0 / (far.interaction_columns(1) as f64).sqrt();
-        let mut parts = Vec::new();
-        for parity in 0..8 {
+        let parts = (0..8).into_par_iter().filter_map(|parity| {
             let coefficients: Vec<u32> =
                 (0..columns.rows as u32).filter(|&k| parity_of(k as usize) == parity).collect();
             if coefficients.is_empty() {
-                continue;
+                return None;
             }
             let rows = Matrix::from_fn(coefficients.len(), columns.columns, |i, j| {
                 columns.at(coefficients[i] as usize, j)
             });
-            let Svd { u, sigma, .. } = S::svd(&rows).ok_or(Error::NonFiniteKernel)?;
+            let Some(Svd { u, sigma, .. }) = S::svd(&rows) else {
+                return Some(Err(Error::NonFiniteKernel));
+            };
             let sigma = sigma.into_iter().map(|s| s * per_sample).collect();
-            parts.push(Part { parity, coefficients, u, sigma });
-        }
+            Some(Ok(Part { parity, coefficients, u, sigma }))
+        });
+        let parts = parts.collect::<Result<_, _>>()?;
         Ok(Self { parts, coefficients: columns.rows, components: kernel.fields })
     }
 

@@ -51,6 +51,11 @@ impl<T: Real> FarField<T> {
         Self { points, offsets, half_width }
     }
 
+    /// Half the cell's edge.
+    pub(crate) fn half_width(&self) -> T {
+        self.half_width
+    }
+
     /// The size of one pair that errors are relative to: the root mean square over the interaction
     /// list, or a fraction of what neighbours exchange if that is more.
     pub(crate) fn size<S: Scalar<Real = T>>(&self, kernel: &Formula<'_, S>) -> f64 {

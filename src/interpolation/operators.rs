@@ -69,6 +69,9 @@ const SHARE: f64 = 0.25;
 /// The share of the tolerance that errors between sample points may reach.
 const ACCEPTED: f64 = 0.4;
 
+/// With a given order, the share of its error that truncation may add.
+const ORDER_SHARE: f64 = 0.1;
+
 /// Random points per cell, and pairs of them per offset, between which errors are measured.
 const TEST_POINTS: usize = 48;
 const PAIRS_PER_OFFSET: usize = 8;
@@ -119,7 +122,7 @@ impl<S: Scalar> Operators<S> {
             Accuracy::Order(order) => {
                 let rule = Chebyshev::new(order);
                 let error = worst(&rule);
-                (rule, (error / SHARE).max(floor))
+                (rule, (ORDER_SHARE * error / SHARE).max(floor))
             }
             Accuracy::Tolerance(requested) => {
                 let mut reachable = f64::INFINITY;
@@ -133,15 +136,24 @@ impl<S: Scalar> Operators<S> {
             }
         };
 
-        let mut levels = Vec::new();
-        let mut error = 0.0f64;
-        for (far, (&half_width, &scale)) in fields.iter().zip(sizes.half_widths.iter().zip(&scales))
-        {
-            let request = Request { kernel, rule: &rule, symmetric, half_width, scale, tolerance };
-            let (level, level_error) = request.level(far)?;
-            error = error.max(level_error);
-            levels.push(level);
-        }
+        let accepted = match accuracy {
+            Accuracy::Tolerance(_) => ACCEPTED,
+            Accuracy::Order(_) => f64::INFINITY,
+        };
+        // What a level leaves out is passed on to all levels above and below it.
+        let passed_on = (fields.len() as f64).sqrt();
+        let built: Vec<(LevelOperators<S>, f64)> = fields
+            .par_iter()
+            .zip(&scales)
+            .map(|(far, &scale)| {
+                let (half_width, tolerance) = (far.half_width(), tolerance / passed_on);
+                let rule = &rule;
+                Request { kernel, rule, symmetric, half_width, scale, tolerance, accepted }
+                    .level(far)
+            })
+            .collect::<Result<_, _>>()?;
+        let error = passed_on * built.iter().map(|(_, error)| *error).fold(0.0, f64::max);
+        let levels: Vec<LevelOperators<S>> = built.into_iter().map(|(level, _)| level).collect();
         if let Accuracy::Tolerance(requested) = accuracy
             && error > requested
         {
@@ -189,6 +201,8 @@ struct Request<'a, S: Scalar> {
     half_width: S::Real,
     scale: f64,
     tolerance: f64,
+    /// The share of the tolerance that errors between sample points may reach.
+    accepted: f64,
 }
 
 impl<S: Scalar> Request<'_, S> {
@@ -227,10 +241,10 @@ impl<S: Scalar> Request<'_, S> {
             let level = LevelOperators { half_width, source, target, transfers, cut, reflected };
             let error = self.error(&level);
             attempt += 1;
-            if error <= ACCEPTED * self.tolerance || attempt == ATTEMPTS {
+            if error <= self.accepted * self.tolerance || attempt == ATTEMPTS {
                 return Ok((level, error));
             }
-            share *= (0.9 * ACCEPTED * self.tolerance / error).min(0.7);
+            share *= (0.9 * self.accepted * self.tolerance / error).min(0.7);
         }
     }
 

@@ -21,9 +21,9 @@ use crate::real::{Real, Scalar};
 pub(crate) enum Prepared<S: Scalar> {
     /// For kernels that look different from place to place: all polynomials, and the kernel itself
     /// between their nodes.
-    Everywhere(Everywhere<S>),
+    Everywhere(Box<Everywhere<S>>),
     /// For translation-invariant kernels.
-    Invariant(Invariant<S>),
+    Invariant(Box<Invariant<S>>),
 }
 
 /// The polynomials of a kernel that is not translation invariant.
@@ -58,10 +58,16 @@ impl<S: Scalar> Prepared<S> {
         accuracy: Accuracy,
         geometry: &Geometry<S::Real>,
     ) -> Result<Self, Error> {
-        if !probe::translation_invariant(kernel, &geometry.root) {
-            return Everywhere::new(kernel, accuracy, geometry).map(Self::Everywhere);
+        if geometry.levels.is_empty() {
+            let everywhere = Everywhere::with_order(1, kernel.fields, kernel.densities);
+            return Ok(Self::Everywhere(Box::new(everywhere)));
         }
-        Invariant::new(kernel_type, kernel, accuracy, geometry).map(Self::Invariant)
+        if !probe::translation_invariant(kernel, &geometry.root) {
+            let everywhere = Everywhere::new(kernel, accuracy, geometry)?;
+            return Ok(Self::Everywhere(Box::new(everywhere)));
+        }
+        let invariant = Invariant::new(kernel_type, kernel, accuracy, geometry)?;
+        Ok(Self::Invariant(Box::new(invariant)))
     }
 }
 

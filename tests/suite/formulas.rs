@@ -11,11 +11,7 @@ const POINTS: usize = 4000;
 
 /// The clouds, and how far apart their points are at most.
 fn clouds() -> [(&'static str, Vec<DVec3>); 3] {
-    [
-        ("cube", cube(POINTS, 1)),
-        ("sphere", sphere(POINTS, 2)),
-        ("Plummer", plummer(POINTS, 3)),
-    ]
+    [("cube", cube(POINTS, 1)), ("sphere", sphere(POINTS, 2)), ("Plummer", plummer(POINTS, 3))]
 }
 
 /// Sums over every cloud with charges of either sign; panics where the error exceeds the tolerance.
@@ -151,8 +147,7 @@ fn parameters_of_one_type_are_told_apart() {
 fn reflections_and_offsets_are_each_right() {
     // One source cell and targets all around it, so that every offset and every sign takes part.
     let mut random = Random::new(10);
-    let mut sources: Vec<DVec3> =
-        (0..40).map(|_| DVec3::splat(4.0) + random.in_cube()).collect();
+    let mut sources: Vec<DVec3> = (0..40).map(|_| DVec3::splat(4.0) + random.in_cube()).collect();
     sources.extend([DVec3::ZERO, DVec3::splat(8.0)]);
     let targets: Vec<DVec3> = (0..20_000).map(|_| random.in_cube() * 8.0).collect();
     let mut charges = vec![1.0; sources.len()];

@@ -51,12 +51,16 @@ fn every_cloud<E: Exponent, T: Real>(fine: f64, coarse: f64) {
         let kernel = PowerLaw::<E, T>::new().with_gradient();
         let hold = |what: &str, bound: f64, (error, far): (f64, bool)| {
             assert!(error <= bound, "{kernel:?}, {what}, {name}: {error:e}");
-            assert_eq!(far, name != "coincident", "{kernel:?}, {what}, {name}: the far field");
+            // Treecodes of so few points may find direct sums cheaper.
+            let expected = name != "coincident";
+            let spared = expected && what == "treecode";
+            assert!(far == expected || spared, "{kernel:?}, {what}, {name}: the far field");
         };
         let harmonic = || HarmonicExpansion::with_tolerance(kernel, fine).unwrap();
         for scheme in [Scheme::Treecode { m2m: false }, Scheme::Treecode { m2m: true }, Scheme::Fmm]
         {
-            hold("harmonics", fine, error(harmonic(), scheme, 40, &points, &charges));
+            let what = if scheme == Scheme::Fmm { "harmonics" } else { "treecode" };
+            hold(what, fine, error(harmonic(), scheme, 40, &points, &charges));
         }
         // Differentiation costs interpolation a digit.
         let interpolation = Interpolation::new(kernel).tolerance(0.2 * coarse);

@@ -4,6 +4,7 @@ mod clouds;
 mod command_line;
 mod engine;
 mod extension;
+mod formulas;
 mod kernels;
 mod lists;
 mod moments;
