@@ -21,14 +21,6 @@ pub(crate) fn charges(n: usize) -> Vec<f64> {
     (0..n).map(|_| random.unit() - 0.5).collect()
 }
 
-/// Half the longest side of the bounding box.
-pub(crate) fn half_width(points: &[DVec3]) -> f64 {
-    let Some(&first) = points.first() else { return 1.0 };
-    let (low, high) = points.iter().fold((first, first), |(l, h), &p| (l.min(p), h.max(p)));
-    let half = 0.5 * (high - low).max_element();
-    if half > 0.0 { half } else { 1.0 }
-}
-
 /// A reproducible stream of numbers in [0, 1) (SplitMix64).
 struct Random(u64);
 

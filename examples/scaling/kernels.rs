@@ -101,11 +101,19 @@ pub(crate) fn with_kernel(
     true
 }
 
+/// Half the longest side of the bounding box.
+pub(crate) fn half_width(points: &[DVec3]) -> f64 {
+    let Some(&first) = points.first() else { return 1.0 };
+    let (low, high) = points.iter().fold((first, first), |(l, h), &p| (l.min(p), h.max(p)));
+    let half = 0.5 * (high - low).max_element();
+    if half > 0.0 { half } else { 1.0 }
+}
+
 /// A positive definite matrix without a zero: no reflection of an axis leaves its form unchanged.
 const CONDUCTIVITY: DMat3 = DMat3::from_cols(
-    DVec3::new(2.0, 0.6, -0.4),
-    DVec3::new(0.6, 1.0, 0.3),
-    DVec3::new(-0.4, 0.3, 0.5),
+    DVec3::new(1.5, 0.3, -0.2),
+    DVec3::new(0.3, 1.0, 0.2),
+    DVec3::new(-0.2, 0.2, 0.8),
 );
 
 /// What a source carries.

@@ -27,7 +27,7 @@ use clap::Parser;
 use glam::DVec3;
 
 use args::{Args, KernelName, Precision, name};
-use kernels::with_kernel;
+use kernels::{half_width, with_kernel};
 use limits::Limits;
 use measure::{Measurement, pool, rounded};
 use row::{LEGEND, Outcome, Setting, heading, line};
@@ -56,7 +56,7 @@ fn run(args: &Args) -> Result<Vec<(Setting, Outcome)>, Box<dyn Error>> {
             for &n in &args.points {
                 let round = |p: DVec3| p.map(|x| rounded(x, precision));
                 let points: Vec<_> = clouds::cloud(cloud, n).into_iter().map(round).collect();
-                let h = clouds::half_width(&points);
+                let h = half_width(&points);
                 let mut measurement = Measurement {
                     setting: Setting { n, cloud, kernel, precision, tolerance: 0.0, threads: 0 },
                     points: &points,
