@@ -3,7 +3,8 @@
 use std::time::Instant;
 
 use farfield::{
-    ApplyTimes, Error, Fmm, Interpolation, Point, Real, Vector, direct, from_fn, relative_l2_error,
+    ApplyTimes, Error, Fmm, Interpolation, Point, PointKernel, Real, Scalar, Vector, direct,
+    from_fn, relative_l2_error,
 };
 use glam::DVec3;
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
@@ -154,8 +155,7 @@ fn error<V: Value, R: Value>(values: &[&V], exact: &[R]) -> f64 {
 }
 
 /// Operations of one pair of cells: two factors of rank k, or one full matrix where that is less.
-fn flops_per_pair<K: farfield::PointKernel>(r: f64, k: Option<f64>) -> f64 {
-    use farfield::Scalar;
+fn flops_per_pair<K: PointKernel>(r: f64, k: Option<f64>) -> f64 {
     let real = k.map_or(2.0 * r * r, |k| (4.0 * r * k).min(2.0 * r * r));
     if K::Entry::COMPLEX { 4.0 * real } else { real }
 }
