@@ -1,0 +1,72 @@
+//! The command line.
+
+use std::num::NonZero;
+use std::path::PathBuf;
+use std::thread::available_parallelism;
+
+use clap::{Parser, ValueEnum};
+
+/// Sums 1/r by farfield, ferreus_bbfmm and fmm3dpy: same points, charges and threads, equal error.
+#[derive(Debug, Parser)]
+#[command(name = "peers")]
+pub(crate) struct Args {
+    /// Numbers of points
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = count)]
+    #[arg(default_value = "1e5,1e6")]
+    pub(crate) points: Vec<usize>,
+
+    /// Where the points lie
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_enum)]
+    #[arg(default_value = "cube,sphere,plummer")]
+    pub(crate) clouds: Vec<Cloud>,
+
+    /// Relative l2 errors that everyone has to keep
+    #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "1e-3,1e-6,1e-9")]
+    pub(crate) tolerances: Vec<f64>,
+
+    /// Threads for everyone [default: one per core]
+    #[arg(long, value_name = "N")]
+    threads: Option<usize>,
+
+    /// Sums of which the median counts
+    #[arg(long, value_name = "R", default_value = "3", value_parser = count)]
+    pub(crate) repeats: usize,
+
+    /// Seconds that a rival may take for one row, the search for its accuracy included
+    #[arg(long, value_name = "S", default_value = "400")]
+    pub(crate) limit: f64,
+
+    /// Rivals that are left out: ferreus, fmm3dpy
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    pub(crate) without: Vec<String>,
+
+    /// Where peers.csv and the data for the rivals go
+    #[arg(long, value_name = "DIR", default_value = "target/peers")]
+    pub(crate) out: PathBuf,
+}
+
+/// A distribution of points.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Cloud {
+    /// Uniform in the unit cube
+    Cube,
+    /// Uniform on the unit sphere
+    Sphere,
+    /// Plummer's star cluster, truncated at ten of its radii
+    Plummer,
+}
+
+impl Args {
+    /// How many threads everyone computes with.
+    pub(crate) fn threads(&self) -> usize {
+        self.threads.unwrap_or_else(|| available_parallelism().map_or(1, NonZero::get)).max(1)
+    }
+}
+
+/// A whole number, which may be written like 1e6.
+fn count(text: &str) -> Result<usize, String> {
+    match text.parse::<f64>() {
+        Ok(n) if (1.0..=4e9).contains(&n) && n.fract() == 0.0 => Ok(n as usize),
+        _ => Err("expected a whole number from 1 to 4e9, such as 100000 or 1e5".into()),
+    }
+}
