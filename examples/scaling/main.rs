@@ -2,9 +2,9 @@
 //! machine can do.
 //!
 //! ```text
-//! cargo run --release --example scaling
-//! cargo run --release --example scaling -- --points 1e5 --clouds sphere --threads 2 --gradient
-//! cargo run --release --example scaling -- --kernels 1/r,yukawa,helmholtz,anisotropic
+//! cargo run --release -p farfield-benches --example scaling
+//! cargo run --release -p farfield-benches --example scaling -- --points 1e5 --clouds sphere --threads 2 --gradient
+//! cargo run --release -p farfield-benches --example scaling -- --kernels 1/r,yukawa,helmholtz,anisotropic
 //! ```
 //!
 //! The table goes to standard output, `scaling.csv` and a log–log chart for each kernel, precision and
