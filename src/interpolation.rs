@@ -18,6 +18,7 @@ mod basis;
 mod by_kernel;
 mod cache;
 mod cost;
+mod factors;
 mod far_field;
 mod operators;
 mod points;
