@@ -17,9 +17,13 @@ use crate::real::{Additive, Columns, Located, Point, Real, Scalar, Vector};
 mod basis;
 mod by_kernel;
 mod cache;
+mod check;
 mod cost;
-mod factors;
+mod directions;
+mod exchange;
 mod far_field;
+mod level;
+mod means;
 mod operators;
 mod points;
 mod prepared;
@@ -37,14 +41,15 @@ use prepared::{Everywhere, Prepared, ShiftTerms};
 /// Nothing about the kernel is declared. Whether it is translation invariant, symmetric, homogeneous, or
 /// changes only signs under reflections is measured when the plan is built, and saves work where it
 /// holds. Order, rank and cut-offs follow from the tolerance: the fewest nodes that interpolate the far
-/// field well enough; the singular vectors of the far field that matter; for every M2L offset a product
-/// of two thin matrices. What is left is measured between random points, and tightened if need be.
+/// field well enough; the singular vectors of the far field that matter; fewer still for what comes
+/// from one of 26 directions. What is left out is measured between random points, and less is left out
+/// if need be.
 ///
 /// Operators depend on the kernel and the tolerance, not on the points: sets that were used lately are
 /// remembered by the process and serve further plans.
 ///
-/// With rank r per cell and k per offset, M2L costs O(r k) multiply-adds per pair of cells, as matrix
-/// products; P2M and L2P cost O(n³) per point for n nodes per axis.
+/// With rank r per cell and k per direction, M2L costs O(k²) multiply-adds per pair of cells and O(r k)
+/// per cell and direction, as matrix products; P2M and L2P cost O(n³) per point for n nodes per axis.
 pub struct Interpolation<K: PointKernel> {
     kernel: K,
     accuracy: Accuracy,
@@ -100,7 +105,18 @@ impl<K: PointKernel> Interpolation<K> {
         }
     }
 
-    /// The mean rank of the M2L matrices at a level; none for a kernel that is not translation
+    /// How many multiply-adds M2L takes at a level per right-hand side and cell with a full interaction
+    /// list; none for a kernel that is not translation invariant.
+    pub fn m2l_multiply_adds(&self, level: usize) -> Option<f64> {
+        match &self.prepared {
+            Prepared::Everywhere(_) => None,
+            Prepared::Invariant(invariant) => {
+                Some(invariant.level(level).transfers.multiply_adds())
+            }
+        }
+    }
+
+    /// The mean rank of M2L at a level, by direction; none for a kernel that is not translation
     /// invariant.
     pub fn mean_m2l_rank(&self, level: usize) -> Option<f64> {
         match &self.prepared {
@@ -119,14 +135,14 @@ impl<K: PointKernel> Interpolation<K> {
     fn source_basis(&self, level: usize) -> &Basis<K::Entry> {
         match &self.prepared {
             Prepared::Everywhere(everywhere) => &everywhere.source,
-            Prepared::Invariant(invariant) => &invariant.level(level).source,
+            Prepared::Invariant(invariant) => &invariant.level(level).bases.source,
         }
     }
 
     fn target_basis(&self, level: usize) -> &Basis<K::Entry> {
         match &self.prepared {
             Prepared::Everywhere(everywhere) => &everywhere.target,
-            Prepared::Invariant(invariant) => &invariant.level(level).target,
+            Prepared::Invariant(invariant) => &invariant.level(level).bases.target,
         }
     }
 

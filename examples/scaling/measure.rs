@@ -3,8 +3,8 @@
 use std::time::Instant;
 
 use farfield::{
-    ApplyTimes, Error, Fmm, Interpolation, Point, PointKernel, Real, Scalar, Vector, direct,
-    from_fn, relative_l2_error,
+    ApplyTimes, Columns, Error, Fmm, Interpolation, Point, Real, Scalar, Vector, direct, from_fn,
+    relative_l2_error,
 };
 use glam::DVec3;
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
@@ -121,7 +121,11 @@ fn row<T: Real, K: Summed<T>>(
     let far = stats.cell_pairs[0] > 0;
     let rank = stats.terms_per_cell;
     let k = if far { fmm.expansion().mean_m2l_rank(stats.depth) } else { None };
-    let flops = stats.cell_pairs[0] as f64 * flops_per_pair::<K>(rank as f64, k);
+    let per_cell = if far { fmm.expansion().m2l_multiply_adds(stats.depth) } else { None };
+    let per_pair = 2.0 * per_cell.unwrap_or(f64::NAN) / 189.0;
+    let columns = <K::Column as Columns<K::Entry>>::WIDTH as f64;
+    let complex = if K::Entry::COMPLEX { 4.0 } else { 1.0 };
+    let flops = stats.cell_pairs[0] as f64 * per_pair * columns * complex;
     let product = limits.product(setting.precision);
     Ok(Outcome::Passed(Box::new(Row {
         error,
@@ -152,12 +156,6 @@ fn error<V: Value, R: Value>(values: &[&V], exact: &[R]) -> f64 {
         relative_l2_error(&gradients, &exact_gradients),
     ];
     if u.is_nan() || gradient.is_nan() { f64::NAN } else { u.max(gradient) }
-}
-
-/// Operations of one pair of cells: two factors of rank k, or one full matrix where that is less.
-fn flops_per_pair<K: PointKernel>(r: f64, k: Option<f64>) -> f64 {
-    let real = k.map_or(2.0 * r * r, |k| (4.0 * r * k).min(2.0 * r * r));
-    if K::Entry::COMPLEX { 4.0 * real } else { real }
 }
 
 /// Makes the engine forget the operators that it remembers, so that the next plan is a first one: plans

@@ -79,8 +79,8 @@ B/pt     bytes per point of plan and workspace, without the operators
 ns/pt    apply per point
 near     pairs per second and thread in the near field / in the bare loop
 M2L      flops per second and thread in M2L / in a large product, in the row's precision. Flops are
-         approximate: min(4rk, 2r²) for each pair of cells, with r and k of the deepest level; part of
-         it is done in f32, so that it may exceed 100 %";
+         those of full interaction lists at the deepest level, in proportion to the pairs of cells; part
+         of it is done in f32, so that it may exceed 100 %";
 
 /// The heading above [`line`]s.
 pub(crate) fn heading() -> String {

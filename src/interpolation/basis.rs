@@ -10,6 +10,7 @@ use crate::chebyshev::Chebyshev;
 use crate::dense::{Dense, Matrix, Svd};
 use crate::error::Error;
 use crate::interpolation::far_field::{FarField, products};
+use crate::interpolation::means::INTERACTION_OFFSETS;
 use crate::interpolation::points::row;
 use crate::probe::{Formula, zero};
 use crate::real::{Point, Real, Scalar};
@@ -84,7 +85,7 @@ impl<S: Scalar> Spectrum<S> {
             let odd = [k / (n * n), k / n % n, k % n].map(|degree| (degree % 2) as u8);
             parities[component] ^ (odd[0] | odd[1] << 1 | odd[2] << 2)
         };
-        let per_sample = 1.0 / (far.interaction_columns(1) as f64).sqrt();
+        let per_sample = 1.0 / (INTERACTION_OFFSETS as f64).sqrt();
         let parts = (0..8).into_par_iter().filter_map(|parity| {
             let coefficients: Vec<u32> =
                 (0..columns.rows as u32).filter(|&k| parity_of(k as usize) == parity).collect();
@@ -273,12 +274,24 @@ impl<S: Scalar> Basis<S> {
     pub(crate) fn moments_at(&self, p: Point<S::Real>, component: usize, n: usize) -> Vec<S> {
         let values: Vec<S> = products(p, n).into_iter().map(S::from_real).collect();
         let nodes = values.len();
-        (0..self.rank())
-            .map(|i| {
-                let function = &self.functions.column(i)[component * nodes..][..nodes];
-                function.iter().zip(&values).fold(zero::<S>(), |sum, (&f, &v)| sum + f * v)
-            })
-            .collect()
+        let moment = |i| dot(&self.functions.column(i)[component * nodes..][..nodes], &values);
+        (0..self.rank()).map(moment).collect()
+    }
+
+    /// m = Uᵀ m̃
+    pub(crate) fn moments_of(&self, chebyshev: &[S]) -> Vec<S> {
+        (0..self.rank()).map(|i| dot(self.functions.column(i), chebyshev)).collect()
+    }
+
+    /// conj(U) m: the Chebyshev moments that a multipole expansion stands for.
+    pub(crate) fn chebyshev_moments(&self, m: &[S]) -> Vec<S> {
+        let mut moments = vec![zero::<S>(); self.functions.rows];
+        for (i, &m) in m.iter().enumerate() {
+            for (moment, &f) in moments.iter_mut().zip(self.functions.column(i)) {
+                *moment += m * f.conjugate();
+            }
+        }
+        moments
     }
 }
 
@@ -316,6 +329,11 @@ impl<S: Scalar> Skeleton<S> {
         let from_fine = product(&adjoint(coarse), fine);
         Self { points, from_values: product(&from_fine, &fine_coordinates) }
     }
+}
+
+/// Σ a_i b_i
+fn dot<S: Scalar>(a: &[S], b: &[S]) -> S {
+    a.iter().zip(b).fold(zero::<S>(), |sum, (&a, &b)| sum + a * b)
 }
 
 /// Where coefficient k stands in padded arrays.

@@ -19,13 +19,14 @@ pub(crate) fn leaf_size<S: Scalar>(
         Accuracy::Tolerance(tolerance) => (-tolerance.log10()).clamp(1.0, 14.0),
         Accuracy::Order(order) => (order as f64 - 1.5).clamp(1.0, 14.0),
     };
-    let rank = (3.0 * digits + 3.0) * digits * components as f64;
-    let rank_per_offset = (0.18 * rank).max(4.0);
-    // Two thin products per pair of cells, and a read and a write of both expansions.
-    let flops = 4.0 * rank * rank_per_offset * if S::COMPLEX { 4.0 } else { 1.0 };
+    let rank = 4.0 * (digits + 1.0) * digits * components as f64;
+    let by_direction = (0.27 * rank).max(4.0);
+    // A product per pair of cells, two per cell and direction, and the coordinates in and out.
+    let sides = 2.0 * 26.0 / 189.0 * rank * by_direction;
+    let flops = 2.0 * (by_direction.powi(2) + sides) * if S::COMPLEX { 4.0 } else { 1.0 };
     let precision = (size_of::<S::Real>() as f64) / 8.0;
     let pair_of_cells =
-        columns as f64 * precision * (flops / flop_rate() + 4.0 * rank * MOVE_SECONDS);
+        columns as f64 * precision * (flops / flop_rate() + 4.0 * by_direction * MOVE_SECONDS);
     let far_per_leaf = 189.0 * 8.0 / 7.0 * pair_of_cells;
     // A cell of s points is worth splitting into eight when 27 s² t + c > 27 s²/8 t + 8 c.
     let largest = (8.0 * far_per_leaf / (27.0 * pair_seconds)).sqrt();

@@ -8,12 +8,13 @@ use crate::chebyshev::Chebyshev;
 use crate::dense::Matrix;
 use crate::error::Error;
 use crate::expansion::Geometry;
-use crate::interpolation::MAX_ORDER;
 use crate::interpolation::basis::{Basis, add_columns};
 use crate::interpolation::cache::{self, Key};
 use crate::interpolation::far_field::FarField;
-use crate::interpolation::operators::{Accuracy, LevelOperators, Operators, Sizes};
-use crate::interpolation::transfer::{Transfers, add_signed, signed};
+use crate::interpolation::level::LevelOperators;
+use crate::interpolation::means::Means;
+use crate::interpolation::operators::{Accuracy, Operators, Sizes, fewest_nodes};
+use crate::interpolation::transfer::Transfers;
 use crate::probe::{self, Formula, zero};
 use crate::real::{Real, Scalar};
 
@@ -91,26 +92,22 @@ impl<S: Scalar> Everywhere<S> {
         let centre = geometry.root.centre();
         let at_centre = |x, y, g: &mut [S]| kernel.write(centre + x, centre + y, g);
         let kernel = Formula::new(kernel.fields, kernel.densities, &at_centre);
-        let mut reachable = f64::INFINITY;
-        for n in 1..=MAX_ORDER {
-            let rule = Chebyshev::new(n);
-            let mut worst = 0.0f64;
-            for level in &geometry.levels {
-                let far = FarField::new(level.half_width, 0.0);
-                for side in [kernel.transpose().transpose(), kernel.transpose()] {
-                    let size = far.size(&side);
-                    if !size.is_finite() {
-                        return Err(Error::NonFiniteKernel);
-                    }
-                    worst = worst.max(far.interpolation_error(&side, &rule, size));
-                }
-            }
-            if worst <= 0.25 * requested {
-                return Ok(Self::with_order(n, kernel.fields, kernel.densities));
-            }
-            reachable = reachable.min(4.0 * worst);
+        let fields: Vec<FarField<S::Real>> =
+            geometry.levels.iter().map(|level| FarField::new(level.half_width, 0.0)).collect();
+        let sides = [&kernel, &kernel.transpose()];
+        let sizes = |far: &FarField<S::Real>| sides.map(|side| far.size(side));
+        let sizes: Vec<[Means; 2]> = fields.iter().map(sizes).collect();
+        if !sizes.as_flattened().iter().all(|size| size.least().is_finite()) {
+            return Err(Error::NonFiniteKernel);
         }
-        Err(Error::UnreachableTolerance { requested, reachable })
+        let rule = fewest_nodes(requested, |rule| {
+            let errors = fields.iter().zip(&sizes).flat_map(|(far, sizes)| {
+                let error = |(&side, &size)| far.interpolation_error(side, rule, size);
+                sides.iter().zip(sizes).map(error)
+            });
+            errors.fold(0.0, f64::max)
+        })?;
+        Ok(Self::with_order(rule.len(), kernel.fields, kernel.densities))
     }
 }
 
@@ -126,7 +123,7 @@ impl<S: Scalar> Invariant<S> {
             Some(_) => vec![S::Real::from_f64(1.0)],
             None => geometry.levels.iter().map(|level| level.half_width).collect(),
         };
-        let sizes = Sizes { half_widths, extent: EXTENT };
+        let sizes = Sizes { half_widths, homogeneous: degree.is_some(), extent: EXTENT };
         let key = Key::new(kernel_type, kernel, accuracy, &sizes);
         let operators = match cache::find(&key) {
             Some(operators) => operators,
@@ -152,11 +149,13 @@ impl<S: Scalar> Invariant<S> {
                 None => geometry.levels.get(index).map_or(vec![], |level| level.offsets.clone()),
             };
             offsets.retain(|offset| offset.iter().any(|o| o.abs() > 3));
-            let bytes = (level.source.rank() * level.target.rank() * size_of::<S>()).max(1);
+            let bytes =
+                (level.bases.source.rank() * level.bases.target.rank() * size_of::<S>()).max(1);
             offsets.truncate(bytes_left / bytes);
             if !offsets.is_empty() {
                 bytes_left -= offsets.len() * bytes;
-                self.extended[index] = Some(level.extended(kernel, &offsets));
+                offsets.extend(level.transfers.offsets());
+                self.extended[index] = Some(Transfers::new(kernel, &level.bases, &offsets));
             }
         }
     }
@@ -185,8 +184,11 @@ impl<S: Scalar> Invariant<S> {
         let (matrix, reflection) =
             if matrices.len() == 1 { (&matrices[0], octant) } else { (&matrices[octant], 0) };
         let (parent, child) = (self.level(level), self.level(level + 1));
-        let (from, to) =
-            if down { (&parent.target, &child.target) } else { (&child.source, &parent.source) };
+        let (from, to) = if down {
+            (&parent.bases.target, &child.bases.target)
+        } else {
+            (&child.bases.source, &parent.bases.source)
+        };
         Shift { matrix, from: &from.signs[reflection], to: &to.signs[reflection] }
     }
 
@@ -217,13 +219,21 @@ impl<S: Scalar> WithSimd for ShiftTerms<'_, S> {
     #[inline(always)]
     fn with_simd<V: Simd>(self, _: V) {
         let Self { shift: Shift { matrix, from: from_signs, to: to_signs }, from, x, z, to } = self;
-        x.resize(from.len(), zero::<S>());
-        signed(from, from_signs, |term| term, x);
+        x.clear();
+        for column in from.chunks_exact(from_signs.len()) {
+            let signed = column.iter().zip(*from_signs);
+            x.extend(signed.map(|(&term, &sign)| term * S::from_real(sign)));
+        }
         z.clear();
         z.resize(to.len(), zero::<S>());
         for (x, z) in x.chunks_exact(matrix.columns).zip(z.chunks_exact_mut(matrix.rows)) {
             add_columns(matrix, x, z);
         }
-        add_signed(S::Real::from_f64(1.0), z, to_signs, |term| term, to);
+        for (to, column) in to.chunks_exact_mut(to_signs.len()).zip(z.chunks_exact(to_signs.len()))
+        {
+            for ((to, &term), &sign) in to.iter_mut().zip(column).zip(*to_signs) {
+                *to += term * S::from_real(sign);
+            }
+        }
     }
 }

@@ -1,13 +1,15 @@
-//! M2L between bases: one small matrix per offset, applied to many pairs of cells at once.
+//! M2L between bases, direction by direction, for many pairs of cells at once.
 
-use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
-use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
 use crate::expansion::{LevelPairs, OffsetMap};
-use crate::interpolation::basis::Basis;
-use crate::interpolation::factors::{Factors, Transfer, full_matrix};
+use crate::interpolation::directions::{
+    Bases, DIRECTIONS, Digits, Direction, Place, direction_of, directions,
+};
+use crate::interpolation::exchange::{BLOCK, Block, Coordinates, Pair, Work, receive};
+use crate::interpolation::means::{INTERACTION_OFFSETS, interaction_offsets, weight};
 use crate::pool::Pool;
 use crate::probe::{Formula, zero};
 use crate::real::Scalar;
@@ -15,129 +17,92 @@ use crate::real::Scalar;
 /// The M2L operators of cells of one size.
 #[derive(Debug)]
 pub(crate) struct Transfers<S: Scalar> {
-    matrices: OffsetMap<Arc<Transfer<S>>>,
-    /// Where the operators of offsets up to [`NEAR`] stand, by [`near_index`].
-    near: Vec<u32>,
-    /// Whether offsets are stored without their signs: a reflected offset has the same matrix, with
-    /// signs on rows and columns.
-    reflected: bool,
-    /// For each of the eight reflections, the signs of the source's functions.
-    from_signs: [Vec<S::Real>; 8],
-    /// Likewise, of the target's.
-    to_signs: [Vec<S::Real>; 8],
+    directions: Vec<Option<Digits<S>>>,
+    places: OffsetMap<Place>,
+    /// Places of offsets up to [`NEAR`], by [`near_index`].
+    near: Vec<Option<Place>>,
+    /// Where each direction's coordinates stand among those of one cell, in its digits.
+    starts: [usize; DIRECTIONS],
+    /// How many coordinates one cell has in all directions: in full digits, in single ones.
+    coordinates: [usize; 2],
+    /// How many cores the directions before one have.
+    core_starts: [usize; DIRECTIONS + 1],
+    sent: Pool<Sent<S>>,
     buffers: Pool<Buffers<S>>,
 }
 
-/// A pair of cells of one level.
-#[derive(Clone, Copy, Debug)]
-struct Pair {
-    /// Its operator.
-    index: u32,
-    source: u32,
-    /// Counted from the task's first target.
-    target: u16,
-    reflection: u8,
-}
-
-/// The expansions of a task: multipoles of all sources, locals of its own targets.
-struct Cells<'a, S: Scalar> {
-    from: &'a [S],
-    from_len: usize,
-    to: &'a mut [S],
-    to_len: usize,
-    scale: S::Real,
+/// What all sources send: their coordinates in every direction that is asked for.
+#[derive(Debug, Default)]
+struct Sent<S: Scalar> {
+    /// A bit per source for each direction.
+    wanted: Vec<AtomicU32>,
+    /// [`BLOCK`] sources after the other: the coordinates in one direction of all of them, then in the
+    /// next.
+    full: Vec<S>,
+    single: Vec<S::Single>,
 }
 
 /// What a task writes to in passing.
 #[derive(Debug, Default)]
 struct Buffers<S: Scalar> {
     found: Vec<Pair>,
-    starts: Vec<u32>,
     sorted: Vec<Pair>,
-    /// What goes into a product, the middle of two factors, and what comes out.
-    full: [Vec<S>; 3],
-    single: [Vec<S::Single>; 3],
+    starts: Vec<u32>,
+    full: Work<S>,
+    single: Work<S::Single>,
 }
 
 /// Offsets of an unmasked tree have no component larger than this.
 const NEAR: i32 = 3;
 
-/// The entry of an offset without an operator.
-const UNKNOWN: u32 = u32::MAX;
-
 /// Bytes of the local expansions of one task.
 const TASK_BYTES: usize = 1 << 18;
 
-/// Bytes of one side of a batch: both sides and the operator stay in a core's cache.
-const BATCH_BYTES: usize = 1 << 18;
-
 impl<S: Scalar> Transfers<S> {
-    /// Operators for the given offsets, each off by at most `cut` (Frobenius norm).
-    pub(crate) fn new(
-        kernel: &Formula<'_, S>,
-        half_width: S::Real,
-        source: &Basis<S>,
-        target: &Basis<S>,
-        reflected: bool,
-        offsets: impl Iterator<Item = [i32; 3]>,
-        cut: f64,
-    ) -> Self {
-        let offsets: Vec<[i32; 3]> =
-            offsets.map(|o| if reflected { o.map(i32::abs) } else { o }).collect();
-        let matrices = OffsetMap::build(&offsets, |offset| {
-            Arc::new(Transfer::new(full_matrix(kernel, half_width, offset, source, target), cut))
-        });
-        Self::with(matrices, reflected, source, target)
-    }
-
-    /// The same operators and those for further offsets.
-    pub(crate) fn extended(
-        &self,
-        kernel: &Formula<'_, S>,
-        half_width: S::Real,
-        source: &Basis<S>,
-        target: &Basis<S>,
-        offsets: &[[i32; 3]],
-        cut: f64,
-    ) -> Self {
-        let far: Vec<[i32; 3]> = offsets.iter().map(|&o| self.stored(o)).collect();
-        let known = self.matrices.offsets();
-        let matrices = OffsetMap::build(&[known, &far].concat(), |offset| {
-            self.matrices.get(offset).cloned().unwrap_or_else(|| {
-                let c = full_matrix(kernel, half_width, offset, source, target);
-                Arc::new(Transfer::new(c, cut))
-            })
-        });
-        Self::with(matrices, self.reflected, source, target)
-    }
-
-    fn with(
-        matrices: OffsetMap<Arc<Transfer<S>>>,
-        reflected: bool,
-        source: &Basis<S>,
-        target: &Basis<S>,
-    ) -> Self {
-        let (from_signs, to_signs) = (source.signs.clone(), target.signs.clone());
-        let buffers = Pool::default();
-        let mut all = Self { matrices, near: Vec::new(), reflected, from_signs, to_signs, buffers };
+    /// Operators for the given offsets.
+    pub(crate) fn new(kernel: &Formula<'_, S>, bases: &Bases<S>, offsets: &[[i32; 3]]) -> Self {
+        let (directions, places) = directions(kernel, bases, offsets);
+        let (mut coordinates, mut starts) = ([0; 2], [0; DIRECTIONS]);
+        let mut core_starts = [0; DIRECTIONS + 1];
+        for (d, digits) in directions.iter().enumerate() {
+            let (kind, count, cores) = match digits {
+                None => (0, 0, 0),
+                Some(Digits::Full(own)) => (0, own.collect.rows, own.cores.len()),
+                Some(Digits::Single(own)) => (1, own.collect.rows, own.cores.len()),
+            };
+            starts[d] = coordinates[kind];
+            coordinates[kind] += count;
+            core_starts[d + 1] = core_starts[d] + cores;
+        }
         let range = -NEAR..=NEAR;
+        let mut near = Vec::new();
         for x in range.clone() {
             for y in range.clone() {
-                for z in range.clone() {
-                    let index = all.matrices.index(all.stored([x, y, z]));
-                    all.near.push(index.map_or(UNKNOWN, |index| index as u32));
-                }
+                near.extend(range.clone().map(|z| places.get([x, y, z]).copied()));
             }
         }
-        all
+        let (sent, buffers) = (Pool::default(), Pool::default());
+        Self { directions, places, near, starts, coordinates, core_starts, sent, buffers }
+    }
+
+    /// The offsets that have an operator.
+    pub(crate) fn offsets(&self) -> &[[i32; 3]] {
+        self.places.offsets()
     }
 
     /// l += s C m for one pair of cells; whether the offset is known.
     pub(crate) fn add(&self, offset: [i32; 3], scale: S::Real, m: &[S], l: &mut [S]) -> bool {
-        let Some((index, reflection)) = self.find(offset) else { return false };
-        let mut cells = Cells { from: m, from_len: m.len(), to_len: l.len(), to: l, scale };
-        let pair = Pair { index, source: 0, target: 0, reflection };
-        self.add_batch(&[pair], &mut cells, &mut Buffers::default());
+        let Some(place) = self.find(offset) else { return false };
+        match &self.directions[usize::from(place.direction)] {
+            None => {}
+            Some(Digits::Full(direction)) => {
+                add_one(direction, place.core, m, l, |m| m, |l| l * S::from_real(scale));
+            }
+            Some(Digits::Single(direction)) => {
+                let leave = |l| S::from_single(l) * S::from_real(scale);
+                add_one(direction, place.core, m, l, S::to_single, leave);
+            }
+        }
         true
     }
 
@@ -152,79 +117,131 @@ impl<S: Scalar> Transfers<S> {
         locals: &mut [S],
         other: &(dyn Fn(usize, usize, &mut [S]) + Sync),
     ) {
-        let [from_len, to_len] = [&self.from_signs, &self.to_signs].map(|s| s[0].len() * columns);
+        let [from_len, to_len] =
+            [multipoles.len() / pairs.sources.len(), locals.len() / pairs.targets.len()];
         if from_len == 0 || to_len == 0 {
             return;
         }
         let task_cells = (TASK_BYTES / (to_len * size_of::<S>())).clamp(16, 512);
-        let batch = (BATCH_BYTES / (from_len.max(to_len) * size_of::<S>())).clamp(8, 1024);
-        locals.par_chunks_mut(task_cells * to_len).enumerate().for_each(|(task, to)| {
-            let first = task * task_cells;
-            self.buffers.with(Buffers::default, |buffers| {
-                let mut sorted = std::mem::take(&mut buffers.sorted);
-                self.sort(pairs, first, to.len() / to_len, buffers, &mut sorted, |s, t| {
-                    other(s, first + t, &mut to[t * to_len..][..to_len]);
+        self.sent.with(Sent::default, |sent| {
+            self.send(pairs, columns, from_len, multipoles, sent);
+            locals.par_chunks_mut(task_cells * to_len).enumerate().for_each(|(task, to)| {
+                let first = task * task_cells;
+                self.buffers.with(Buffers::default, |buffers| {
+                    self.sort(pairs, first, to.len() / to_len, buffers, |s, t| {
+                        other(s, first + t, &mut to[t * to_len..][..to_len]);
+                    });
+                    self.receive(columns, scale, sent, to_len, to, buffers);
                 });
-                let mut cells = Cells { from: multipoles, from_len, to, to_len, scale };
-                for one_operator in sorted.chunk_by(|a, b| a.index == b.index) {
-                    for pairs in one_operator.chunks(batch) {
-                        self.add_batch(pairs, &mut cells, buffers);
-                    }
-                }
-                buffers.sorted = sorted;
             });
         });
     }
 
-    /// One operator on many pairs.
-    fn add_batch(&self, pairs: &[Pair], cells: &mut Cells<'_, S>, buffers: &mut Buffers<S>) {
-        let transfer = &self.matrices.values()[pairs[0].index as usize];
-        if let Some(factors) = &transfer.full {
-            self.add_product(factors, pairs, cells, &mut buffers.full, |m| m, |l| l);
-        }
-        if let Some(factors) = &transfer.single {
-            let Buffers { single, .. } = buffers;
-            self.add_product(factors, pairs, cells, single, S::to_single, S::from_single);
-        }
-    }
-
-    /// The matrix product, in the precision of its factors.
-    fn add_product<R: Scalar>(
+    /// The coordinates y = Qᴴ m of all sources in the directions of their targets.
+    fn send(
         &self,
-        factors: &Factors<R>,
-        pairs: &[Pair],
-        cells: &mut Cells<'_, S>,
-        [x, y, z]: &mut [Vec<R>; 3],
-        enter: impl Fn(S) -> R,
-        leave: impl Fn(R) -> S,
+        pairs: &LevelPairs<'_, S::Real>,
+        columns: usize,
+        from_len: usize,
+        multipoles: &[S],
+        sent: &mut Sent<S>,
     ) {
-        Arch::new().dispatch(Gather { cells, pairs, signs: &self.from_signs, enter, x });
-        factors.apply(x, y, z);
-        Arch::new().dispatch(Scatter { cells, pairs, signs: &self.to_signs, leave, z });
+        let Sent { wanted, full, single } = sent;
+        wanted.clear();
+        wanted.resize_with(pairs.sources.len(), AtomicU32::default);
+        (0..pairs.targets.len()).into_par_iter().for_each(|t| {
+            let target = &pairs.targets[t];
+            for s in pairs.sources_of(t) {
+                let bit = 1 << direction_of(pairs.sources[s].offset_to(target));
+                if wanted[s].load(Relaxed) & bit == 0 {
+                    wanted[s].fetch_or(bit, Relaxed);
+                }
+            }
+        });
+        let blocks = pairs.sources.len().div_ceil(BLOCK);
+        let [full_len, single_len] = self.coordinates.map(|count| (BLOCK * count * columns).max(1));
+        full.resize(blocks * full_len, zero::<S>());
+        single.resize(blocks * single_len, zero::<S::Single>());
+        let outputs = full.par_chunks_mut(full_len).zip(single.par_chunks_mut(single_len));
+        let inputs = multipoles.par_chunks(BLOCK * from_len).zip(wanted.par_chunks(BLOCK));
+        outputs.zip(inputs).for_each(|((full, single), (multipoles, wanted))| {
+            self.buffers.with(Buffers::default, |buffers| {
+                let block = Block { multipoles, wanted, from_len, columns };
+                block.enter(&mut buffers.full.multipoles, |m| m, self.coordinates[0]);
+                block.enter(&mut buffers.single.multipoles, S::to_single, self.coordinates[1]);
+                for (d, digits) in self.directions.iter().enumerate() {
+                    let start = BLOCK * self.starts[d] * columns;
+                    match digits {
+                        None => {}
+                        Some(Digits::Full(direction)) => {
+                            block.send(d, direction, &mut buffers.full, &mut full[start..]);
+                        }
+                        Some(Digits::Single(direction)) => {
+                            block.send(d, direction, &mut buffers.single, &mut single[start..]);
+                        }
+                    }
+                }
+            });
+        });
     }
 
-    /// The pairs of `count` targets from `first` on, operator by operator; calls `other(source, target)`
-    /// for those without one.
+    /// l_t += s Σ P W y for the sorted pairs of a task.
+    fn receive(
+        &self,
+        columns: usize,
+        scale: S::Real,
+        sent: &Sent<S>,
+        to_len: usize,
+        to: &mut [S],
+        Buffers { sorted, full, single, .. }: &mut Buffers<S>,
+    ) {
+        let mut rest = &sorted[..];
+        for (d, digits) in self.directions.iter().enumerate() {
+            let end = rest.partition_point(|p| (p.core as usize) < self.core_starts[d + 1]);
+            let (pairs, others) = rest.split_at(end);
+            rest = others;
+            let first_core = self.core_starts[d];
+            let [full_len, single_len] = self.coordinates.map(|count| BLOCK * count * columns);
+            let start = BLOCK * self.starts[d] * columns;
+            let scale = S::from_real(scale);
+            match digits {
+                None => {}
+                Some(Digits::Full(direction)) => {
+                    let lens = [columns, full_len, to_len];
+                    let y = Coordinates { all: &sent.full, start, lens };
+                    receive(direction, first_core, pairs, &y, full, to, |l| l * scale);
+                }
+                Some(Digits::Single(direction)) => {
+                    let lens = [columns, single_len, to_len];
+                    let y = Coordinates { all: &sent.single, start, lens };
+                    let leave = |l| S::from_single(l) * scale;
+                    receive(direction, first_core, pairs, &y, single, to, leave);
+                }
+            }
+        }
+    }
+
+    /// The pairs of `count` targets from `first` on, core by core; calls `other(source, target)` for
+    /// those without one.
     fn sort(
         &self,
         pairs: &LevelPairs<'_, S::Real>,
         first: usize,
         count: usize,
-        Buffers { found, starts, .. }: &mut Buffers<S>,
-        sorted: &mut Vec<Pair>,
+        Buffers { found, sorted, starts, .. }: &mut Buffers<S>,
         mut other: impl FnMut(usize, usize),
     ) {
         found.clear();
         starts.clear();
-        starts.resize(self.matrices.values().len() + 1, 0);
+        starts.resize(self.core_starts[DIRECTIONS] + 1, 0);
         for t in 0..count {
             let target = &pairs.targets[first + t];
             for s in pairs.sources_of(first + t) {
                 match self.find(pairs.sources[s].offset_to(target)) {
-                    Some((index, reflection)) => {
-                        let (source, target) = (s as u32, t as u16);
-                        found.push(Pair { index, source, target, reflection });
-                        starts[index as usize + 1] += 1;
+                    Some(Place { direction, core }) => {
+                        let core = self.core_starts[usize::from(direction)] as u32 + core;
+                        found.push(Pair { source: s as u32, target: t as u16, core });
+                        starts[core as usize + 1] += 1;
                     }
                     None => other(s, t),
                 }
@@ -233,37 +250,46 @@ impl<S: Scalar> Transfers<S> {
         for index in 1..starts.len() {
             starts[index] += starts[index - 1];
         }
-        sorted.clear();
-        sorted.extend_from_slice(found);
+        sorted.resize(found.len(), Pair::default());
         for &pair in &*found {
-            let next = &mut starts[pair.index as usize];
+            let next = &mut starts[pair.core as usize];
             sorted[*next as usize] = pair;
             *next += 1;
         }
     }
 
-    /// The operator of an offset and the reflection to take it by.
-    fn find(&self, offset: [i32; 3]) -> Option<(u32, u8)> {
-        let index = match near_index(offset) {
+    fn find(&self, offset: [i32; 3]) -> Option<Place> {
+        match near_index(offset) {
             Some(near) => self.near[near],
-            None => self.matrices.index(self.stored(offset))? as u32,
-        };
-        let reflection = match self.reflected {
-            true => (0..3).map(|axis| u8::from(offset[axis] < 0) << axis).sum(),
-            false => 0,
-        };
-        (index != UNKNOWN).then_some((index, reflection))
+            None => self.places.get(offset).copied(),
+        }
     }
 
-    /// The offset under which the operator of `offset` is stored.
-    fn stored(&self, offset: [i32; 3]) -> [i32; 3] {
-        if self.reflected { offset.map(i32::abs) } else { offset }
+    /// Multiply-adds for one target cell in a uniform tree, its share of what sources send included.
+    pub(crate) fn multiply_adds(&self) -> f64 {
+        let sizes = self.directions.iter().map(|digits| match digits {
+            None => [0; 4],
+            Some(Digits::Full(own)) => own.sizes(),
+            Some(Digits::Single(own)) => own.sizes(),
+        });
+        let sizes: Vec<[usize; 4]> = sizes.collect();
+        let sides = sizes.iter().map(|[from, y, z, to]| (from * y + z * to) as f64).sum::<f64>();
+        let cores = interaction_offsets().map(|offset| {
+            let [_, y, z, _] = sizes[direction_of(offset)];
+            weight(offset) * (y * z) as f64
+        });
+        sides + 189.0 / INTERACTION_OFFSETS as f64 * cores.sum::<f64>()
     }
 
-    /// Mean rank over the operators.
+    /// Mean number of coordinates of a direction, each offset counted.
     pub(crate) fn mean_rank(&self) -> f64 {
-        let ranks: usize = self.matrices.values().iter().map(|transfer| transfer.rank()).sum();
-        ranks as f64 / self.matrices.values().len().max(1) as f64
+        let rank = |place: &Place| match &self.directions[usize::from(place.direction)] {
+            None => 0,
+            Some(Digits::Full(direction)) => direction.collect.rows,
+            Some(Digits::Single(direction)) => direction.collect.rows,
+        };
+        let ranks: usize = self.places.values().iter().map(rank).sum();
+        ranks as f64 / self.places.values().len().max(1) as f64
     }
 }
 
@@ -274,78 +300,26 @@ fn near_index(offset: [i32; 3]) -> Option<usize> {
     near.then(|| offset.iter().fold(0, |index, o| index * (2 * NEAR + 1) + (o + NEAR)) as usize)
 }
 
-/// Brings the multipoles of pairs together, with signs: the right-hand side of a product.
-struct Gather<'a, 'c, S: Scalar, R, F> {
-    cells: &'a Cells<'c, S>,
-    pairs: &'a [Pair],
-    signs: &'a [Vec<S::Real>; 8],
-    enter: F,
-    x: &'a mut Vec<R>,
-}
-
-impl<S: Scalar, R: Scalar, F: Fn(S) -> R> WithSimd for Gather<'_, '_, S, R, F> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<V: Simd>(self, _: V) {
-        let Self { cells: Cells { from, from_len, .. }, pairs, signs, enter, x } = self;
-        x.resize(pairs.len() * from_len, zero::<R>());
-        for (pair, x) in pairs.iter().zip(x.chunks_exact_mut(*from_len)) {
-            let m = &from[pair.source as usize * from_len..][..*from_len];
-            signed(m, &signs[pair.reflection as usize], &enter, x);
-        }
-    }
-}
-
-/// Adds the columns of a product to the locals of pairs, with signs.
-struct Scatter<'a, 'c, S: Scalar, R, F> {
-    cells: &'a mut Cells<'c, S>,
-    pairs: &'a [Pair],
-    signs: &'a [Vec<S::Real>; 8],
-    leave: F,
-    z: &'a [R],
-}
-
-impl<S: Scalar, R: Scalar, F: Fn(R) -> S> WithSimd for Scatter<'_, '_, S, R, F> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<V: Simd>(self, _: V) {
-        let Self { cells: Cells { to, to_len, scale, .. }, pairs, signs, leave, z } = self;
-        for (pair, z) in pairs.iter().zip(z.chunks_exact(*to_len)) {
-            let l = &mut to[pair.target as usize * *to_len..][..*to_len];
-            add_signed(*scale, z, &signs[pair.reflection as usize], &leave, l);
-        }
-    }
-}
-
-/// Writes the terms of all columns with signs, each passed through `f`.
-#[inline(always)]
-pub(crate) fn signed<S: Scalar, R>(
-    terms: &[S],
-    signs: &[S::Real],
-    f: impl Fn(S) -> R,
-    to: &mut [R],
+/// l += P W Qᴴ m for one pair.
+fn add_one<S: Scalar, R: Scalar>(
+    direction: &Direction<R>,
+    core: u32,
+    m: &[S],
+    l: &mut [S],
+    enter: impl Fn(S) -> R,
+    leave: impl Fn(R) -> S,
 ) {
-    for (to, column) in to.chunks_exact_mut(signs.len()).zip(terms.chunks_exact(signs.len())) {
-        for ((to, &term), &sign) in to.iter_mut().zip(column).zip(signs) {
-            *to = f(term * S::from_real(sign));
-        }
+    let Direction { collect, spread, cores } = direction;
+    if collect.rows == 0 || spread.columns == 0 {
+        return;
     }
-}
-
-/// Adds the terms of all columns with signs, each passed through `f` and scaled.
-#[inline(always)]
-pub(crate) fn add_signed<S: Scalar, R: Copy>(
-    scale: S::Real,
-    terms: &[R],
-    signs: &[S::Real],
-    f: impl Fn(R) -> S,
-    to: &mut [S],
-) {
-    for (to, column) in to.chunks_exact_mut(signs.len()).zip(terms.chunks_exact(signs.len())) {
-        for ((to, &term), &sign) in to.iter_mut().zip(column).zip(signs) {
-            *to += f(term) * S::from_real(scale * sign);
-        }
-    }
+    let columns = m.len() / collect.columns;
+    let m: Vec<R> = m.iter().map(|&m| enter(m)).collect();
+    let mut y = vec![zero::<R>(); collect.rows * columns];
+    R::product(collect, &m, false, &mut y);
+    let mut z = vec![zero::<R>(); spread.columns * columns];
+    R::product(&cores[core as usize], &y, false, &mut z);
+    let mut out = vec![zero::<R>(); l.len()];
+    R::product(spread, &z, false, &mut out);
+    l.iter_mut().zip(out).for_each(|(l, out)| *l += leave(out));
 }

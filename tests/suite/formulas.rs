@@ -46,7 +46,10 @@ fn homogeneous_formulas_meet_their_tolerances() {
     for tolerance in [1e-3, 1e-6, 1e-9] {
         meets("1/r", |x, y| distance(x, y).recip(), tolerance);
     }
-    meets("1/r⁴", |x, y| distance(x, y).powi(-4), 1e-6);
+    for tolerance in [1e-3, 1e-6] {
+        meets("1/r⁴", |x, y| distance(x, y).powi(-4), tolerance);
+        meets("r³", |x, y| distance(x, y).powi(3), tolerance);
+    }
 }
 
 #[test]

@@ -1,0 +1,81 @@
+//! The operators of one level: bases and M2L matrices as small as the tolerance allows, and proof of it.
+
+use std::sync::Arc;
+
+use crate::chebyshev::Chebyshev;
+use crate::error::Error;
+use crate::interpolation::basis::Spectrum;
+use crate::interpolation::directions::Bases;
+use crate::interpolation::far_field::FarField;
+use crate::interpolation::means::{Means, interaction_offsets};
+use crate::interpolation::transfer::Transfers;
+use crate::probe::{self, Formula, Parities};
+use crate::real::Scalar;
+
+/// Operators between cells of one size.
+#[derive(Debug)]
+pub(crate) struct LevelOperators<S: Scalar> {
+    pub(crate) bases: Bases<S>,
+    pub(crate) transfers: Transfers<S>,
+    /// The largest relative error seen between sample points.
+    pub(crate) error: f64,
+}
+
+/// What one level's operators have to do.
+pub(crate) struct Request<'a, S: Scalar> {
+    pub(crate) kernel: &'a Formula<'a, S>,
+    pub(crate) rule: &'a Chebyshev<S::Real>,
+    pub(crate) symmetric: bool,
+    /// Whether cells of all sizes have the same operators.
+    pub(crate) homogeneous: bool,
+    pub(crate) far: &'a FarField<S::Real>,
+    pub(crate) scale: Means,
+    pub(crate) tolerance: f64,
+    /// The share of the tolerance that errors between sample points may reach.
+    pub(crate) accepted: f64,
+}
+
+/// The share of the tolerance that each truncation may use up at first.
+const FIRST_SHARE: f64 = 0.12;
+
+/// How often cut-offs are chosen anew.
+const ATTEMPTS: usize = 3;
+
+impl<S: Scalar> Request<'_, S> {
+    /// Bases and M2L matrices, with the cut-offs tightened until sample pairs are accurate enough.
+    pub(crate) fn build(&self) -> Result<LevelOperators<S>, Error> {
+        let half_width = self.far.half_width();
+        let parities = probe::parities(self.kernel, half_width);
+        let spectrum = |kernel: &Formula<'_, S>, of: fn(&Parities) -> &[u8]| {
+            let parities = parities.as_ref().map(of);
+            Spectrum::new(kernel, parities, self.far, self.rule, self.scale.least())
+        };
+        let targets = spectrum(self.kernel, |p| &p.fields)?;
+        let sources = match self.symmetric {
+            true => None,
+            false => Some(spectrum(&self.kernel.transpose(), |p| &p.densities)?),
+        };
+        let offsets: Vec<[i32; 3]> = interaction_offsets().collect();
+        let mut share = FIRST_SHARE;
+        let mut attempt = 0;
+        loop {
+            let cut = share * self.tolerance * self.scale.least();
+            let target = Arc::new(targets.basis(cut, self.rule));
+            let source = match &sources {
+                Some(sources) => Arc::new(sources.basis(cut, self.rule)),
+                None => Arc::clone(&target),
+            };
+            let reflected = parities.is_some();
+            let bases = Bases { half_width, source, target, reflected, cut };
+            let transfers = Transfers::new(self.kernel, &bases, &offsets);
+            let mut level = LevelOperators { bases, transfers, error: f64::INFINITY };
+            level.error = self.check(&level);
+            let accepted = self.accepted * self.tolerance;
+            attempt += 1;
+            if level.error <= accepted || attempt == ATTEMPTS {
+                return Ok(level);
+            }
+            share *= (0.9 * accepted / level.error).clamp(0.2, 0.75);
+        }
+    }
+}
