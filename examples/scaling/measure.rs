@@ -164,7 +164,8 @@ fn forget_operators() -> Result<(), Error> {
     /// More than the engine remembers.
     const PLANS: i32 = 32;
     let constant = from_fn(|_: DVec3, _: DVec3| 1.0);
-    let points = [DVec3::ZERO, DVec3::ONE];
+    // Two of them share a corner of the tree, so that the third is well separated from their cells.
+    let points = [DVec3::ZERO, DVec3::splat(0.01), DVec3::ONE];
     for i in 1..=PLANS {
         let tolerance = 0.1 / f64::from(i);
         let expansion = Interpolation::new(constant).tolerance(tolerance);
