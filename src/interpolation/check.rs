@@ -29,10 +29,12 @@ impl<S: Scalar> Request<'_, S> {
             self.probes(to, fields, random(1000 + POINTS), 1),
         ];
         let corners = || (0..8).map(corner::<S::Real>).collect();
-        let corners = [
-            self.probes(from, densities, corners(), CORNER_LEVELS),
-            self.probes(to, fields, corners(), CORNER_LEVELS),
-        ];
+        let corners = self.scale.grows().then(|| {
+            [
+                self.probes(from, densities, corners(), CORNER_LEVELS),
+                self.probes(to, fields, corners(), CORNER_LEVELS),
+            ]
+        });
         let offsets: Vec<[i32; 3]> = interaction_offsets().collect();
         let errors: Vec<[f64; 2]> = offsets
             .par_iter()
@@ -40,13 +42,11 @@ impl<S: Scalar> Request<'_, S> {
             .map(|(i, &offset)| {
                 let error = self.squared_error(level, offset, &anywhere, 0..POINTS);
                 let corner = facing(offset, i);
-                match is_nearest(offset) && self.scale.grows() {
-                    true => {
-                        let source = corner..corner + 1;
-                        [error, self.squared_error(level, offset, &corners, source)]
-                    }
-                    false => [error, 0.0],
-                }
+                let corners = corners
+                    .as_ref()
+                    .filter(|_| is_nearest(offset))
+                    .map(|corners| self.squared_error(level, offset, corners, corner..corner + 1));
+                [error, corners.unwrap_or(0.0)]
             })
             .collect();
         Means::of(errors).relative_to(self.scale)

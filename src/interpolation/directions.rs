@@ -94,8 +94,10 @@ pub(crate) fn directions<S: Scalar>(
         members.sort_unstable();
         members.dedup();
     }
-    let canonical: Vec<Canonical<S>> =
-        members.par_iter().map(|members| bases.canonical_direction(members, &matrices)).collect();
+    let canonical = |members: &Vec<[i32; 3]>| {
+        (!members.is_empty()).then(|| bases.canonical_direction(members, &matrices))
+    };
+    let canonical: Vec<Option<Canonical<S>>> = members.par_iter().map(canonical).collect();
 
     let mut all: Vec<Option<Digits<S>>> = (0..DIRECTIONS).map(|_| None).collect();
     let places = OffsetMap::build(offsets, |offset| {
@@ -107,7 +109,8 @@ pub(crate) fn directions<S: Scalar>(
         let (reflection, from) = bases.canonical(offset);
         let direction = &mut all[direction_of(offset)];
         if direction.is_none() {
-            *direction = Some(canonical[direction_of(from)].reflected(bases, reflection));
+            let from = canonical[direction_of(from)].as_ref();
+            *direction = from.map(|from| from.reflected(bases, reflection));
         }
     }
     (all, places)

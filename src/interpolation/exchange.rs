@@ -203,3 +203,27 @@ impl<S: Scalar, R: Scalar, F: Fn(R) -> S> WithSimd for Leave<'_, S, R, F> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use crate::{Fmm, direct, from_fn, probe, relative_l2_error};
+
+    #[test]
+    fn all_sources_of_a_level_reach_all_their_targets() {
+        let points: Vec<DVec3> = (0..1500).map(probe::sample::<f64>).collect();
+        // Half of the space is empty, so that some blocks are asked for in few directions only.
+        let points: Vec<DVec3> = points.into_iter().filter(|p| p.x + p.y < 0.3).collect();
+        let charges: Vec<f64> = (0..points.len()).map(|i| (i as f64).sin()).collect();
+        let kernel = from_fn(|x: DVec3, y: DVec3| 1.0 / x.distance(y)).skip_coincident();
+        for tolerance in [1e-3, 1e-8] {
+            let plan = Fmm::builder(kernel).tolerance(tolerance).leaf_size(8);
+            let fmm = plan.build(&points, &points).unwrap();
+            assert!(fmm.stats().cell_pairs[0] > 10_000);
+            let values = fmm.apply(&charges).unwrap();
+            let error = relative_l2_error(&values, &direct(&kernel, &points, &charges, &points));
+            assert!(error <= tolerance, "{error:e} > {tolerance:e}");
+        }
+    }
+}
