@@ -117,26 +117,38 @@ pub(crate) fn contract<S: Scalar>(
 }
 
 /// Writes T̂_0(x) … T̂_{n−1}(x).
-#[inline(always)]
 pub(crate) fn polynomials<T: Float>(x: T, values: &mut [T]) {
+    polynomials_in_lanes(&[x], values.as_chunks_mut().0);
+}
+
+/// Writes T̂_0(x) … T̂_{n−1}(x) of several x side by side.
+#[inline(always)]
+pub(crate) fn polynomials_in_lanes<T: Float, const L: usize>(x: &[T; L], values: &mut [[T; L]]) {
     let one = T::one();
     let root_two = (one + one).sqrt();
     // T_{−1} = T_1 = x starts the recurrence T_{j+1} = 2x T_j − T_{j−1}.
-    let (mut previous, mut current) = (x, one);
+    let (mut previous, mut current) = (*x, [one; L]);
     for (j, value) in values.iter_mut().enumerate() {
-        *value = if j == 0 { one } else { root_two * current };
-        (previous, current) = (current, (x + x) * current - previous);
+        for lane in 0..L {
+            value[lane] = if j == 0 { one } else { root_two * current[lane] };
+            let next = (x[lane] + x[lane]) * current[lane] - previous[lane];
+            (previous[lane], current[lane]) = (current[lane], next);
+        }
     }
 }
 
-/// Writes dT̂_j/dx, by T_j' = j U_{j−1}.
+/// Writes dT̂_j/dx of several x side by side, by T_j' = j U_{j−1}.
 #[inline(always)]
-pub(crate) fn derivatives<T: Real>(x: T, values: &mut [T]) {
+pub(crate) fn derivatives_in_lanes<T: Real, const L: usize>(x: &[T; L], values: &mut [[T; L]]) {
     let root_two = T::SQRT_2();
-    let (mut previous, mut second_kind) = (T::from_f64(-1.0), T::from_f64(0.0));
+    let (mut previous, mut second_kind) = ([T::from_f64(-1.0); L], [T::from_f64(0.0); L]);
     for (j, value) in values.iter_mut().enumerate() {
-        *value = root_two * T::from_f64(j as f64) * second_kind;
-        (previous, second_kind) = (second_kind, (x + x) * second_kind - previous);
+        let factor = root_two * T::from_f64(j as f64);
+        for lane in 0..L {
+            value[lane] = factor * second_kind[lane];
+            let next = (x[lane] + x[lane]) * second_kind[lane] - previous[lane];
+            (previous[lane], second_kind[lane]) = (second_kind[lane], next);
+        }
     }
 }
 
@@ -182,7 +194,7 @@ mod tests {
     fn derivatives_agree_with_differences() {
         let (mut d, mut above, mut below) = ([0.0; 7], [0.0; 7], [0.0; 7]);
         for x in [-0.9, 0.0, 0.4] {
-            derivatives(x, &mut d);
+            derivatives_in_lanes(&[x], d.as_chunks_mut().0);
             polynomials(x + 1e-6, &mut above);
             polynomials(x - 1e-6, &mut below);
             for j in 0..7 {

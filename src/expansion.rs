@@ -1,11 +1,14 @@
 //! Expansions: how a kernel's far field is carried from cell to cell.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use crate::error::Error;
 use crate::geometry::{Cell, Cube};
 use crate::kernel::{Kernel, Outcome};
 use crate::real::{Additive, Real};
+use crate::shape::Node;
 
 /// A kernel's far field in five operators.
 ///
@@ -120,6 +123,34 @@ pub trait Expansion: Send + Sync {
         values: &mut [ValueOf<Self>],
     );
 
+    /// All M2M shifts from the cells of one level to their parents. Override it to shift many cells at
+    /// once; each parent's sum must keep one fixed order.
+    fn m2m_level(
+        &self,
+        families: &LevelFamilies<'_, RealOf<Self>>,
+        from: &[Self::MultipoleTerm],
+        to: &mut [Self::MultipoleTerm],
+    ) {
+        let len = self.multipole_len(families.level + 1);
+        families.for_each_parent(to, |p, c, to| {
+            self.m2m(&families.children[c], &families.parents[p], &from[c * len..][..len], to);
+        });
+    }
+
+    /// All L2L shifts from the cells of one level to their children. Override it to shift many cells at
+    /// once.
+    fn l2l_level(
+        &self,
+        families: &LevelFamilies<'_, RealOf<Self>>,
+        from: &[Self::LocalTerm],
+        to: &mut [Self::LocalTerm],
+    ) {
+        let len = self.local_len(families.level);
+        families.for_each_child(to, |p, c, to| {
+            self.l2l(&families.parents[p], &families.children[c], &from[p * len..][..len], to);
+        });
+    }
+
     /// All M2L translations of one level. Override it to turn a whole level into matrix products;
     /// each target cell's sum must keep one fixed order.
     fn m2l_level(
@@ -198,6 +229,69 @@ impl<T: Real> Geometry<T> {
         offsets.sort_unstable();
         offsets.dedup();
         offsets
+    }
+}
+
+/// The cells of one level and their children, between which expansions are shifted.
+#[derive(Clone, Copy, Debug)]
+pub struct LevelFamilies<'a, T: Real> {
+    /// The level of the parents.
+    pub level: usize,
+    /// The cells of that level.
+    pub parents: &'a [Cell<T>],
+    /// The cells of the next.
+    pub children: &'a [Cell<T>],
+    /// The tree's nodes, and the index of `parents[0]` and of `children[0]` among them.
+    pub(crate) nodes: &'a [Node],
+    pub(crate) first_parent: usize,
+    pub(crate) first_child: usize,
+    /// For every node, whether it has the expansion.
+    pub(crate) expanded: &'a [bool],
+}
+
+impl<T: Real> LevelFamilies<'_, T> {
+    /// Indices into `children` of the cells that `parents[p]` exchanges terms with: none if it has no
+    /// children or no expansion.
+    pub fn children_of(&self, p: usize) -> Range<usize> {
+        let p = self.first_parent + p;
+        let children = self.nodes[p].children();
+        match self.expanded[p] && !children.is_empty() {
+            true => children.start - self.first_child..children.end - self.first_child,
+            false => 0..0,
+        }
+    }
+
+    /// The index into `parents` of the cell that `children[c]` exchanges terms with, if that has an
+    /// expansion.
+    pub fn parent_of(&self, c: usize) -> Option<usize> {
+        let p = self.nodes[self.first_child + c].parent as usize;
+        self.expanded[p].then(|| p - self.first_parent)
+    }
+
+    /// Calls `visit(p, c, terms of p)` for all children of each parent in order: parents in parallel.
+    pub fn for_each_parent<M: Send>(
+        &self,
+        multipoles: &mut [M],
+        visit: impl Fn(usize, usize, &mut [M]) + Sync,
+    ) {
+        let len = multipoles.len() / self.parents.len().max(1);
+        multipoles.par_chunks_mut(len.max(1)).enumerate().for_each(|(p, multipole)| {
+            self.children_of(p).for_each(|c| visit(p, c, multipole));
+        });
+    }
+
+    /// Calls `visit(p, c, terms of c)` for each child in parallel.
+    pub fn for_each_child<L: Send>(
+        &self,
+        locals: &mut [L],
+        visit: impl Fn(usize, usize, &mut [L]) + Sync,
+    ) {
+        let len = locals.len() / self.children.len().max(1);
+        locals.par_chunks_mut(len.max(1)).enumerate().for_each(|(c, local)| {
+            if let Some(p) = self.parent_of(c) {
+                visit(p, c, local);
+            }
+        });
     }
 }
 

@@ -4,10 +4,11 @@ use std::any::type_name;
 use std::fmt;
 
 use pulp::Arch;
+use rayon::prelude::*;
 
 use crate::chebyshev::Chebyshev;
 use crate::error::Error;
-use crate::expansion::{Expansion, Geometry, LevelPairs};
+use crate::expansion::{Expansion, Geometry, LevelFamilies, LevelPairs};
 use crate::geometry::Cell;
 use crate::kernel::{Outcome, PointKernel};
 use crate::pool::Pool;
@@ -27,12 +28,14 @@ mod means;
 mod operators;
 mod points;
 mod prepared;
+mod shifts;
 mod transfer;
 
 use basis::Basis;
 use operators::{Accuracy, shift_in_place};
 use points::{Fields, Moments, Powers, row};
-use prepared::{Everywhere, Prepared, ShiftTerms};
+use prepared::{Everywhere, Prepared};
+use shifts::{Move, Shifted, TOGETHER};
 
 /// The far field of any [`PointKernel`]: interpolation at Chebyshev nodes (Fong and Darve, "The
 /// black-box fast multipole method", J. Comput. Phys. 228, 2009), reduced to the numerical rank of the
@@ -55,6 +58,7 @@ pub struct Interpolation<K: PointKernel> {
     accuracy: Accuracy,
     prepared: Prepared<K::Entry>,
     scratch: Pool<Scratch<K>>,
+    shifted: Pool<Shifted<K::Entry>>,
 }
 
 /// The largest number of nodes per axis.
@@ -78,6 +82,7 @@ impl<K: PointKernel> Interpolation<K> {
                 K::DENSITIES,
             ))),
             scratch: Pool::default(),
+            shifted: Pool::default(),
         }
     }
 
@@ -156,16 +161,12 @@ impl<K: PointKernel> Interpolation<K> {
                 to.iter_mut().zip(shifted).for_each(|(to, term)| *to += term);
             }
             Prepared::Invariant(invariant) => {
-                let shift = invariant.shift(child.level() - 1, octant, down);
-                if shift.from.is_empty() || shift.to.is_empty() {
-                    return;
-                }
-                self.scratch.with(
-                    || Scratch::new(self.rule().len()),
-                    |Scratch { terms: [x, z], .. }| {
-                        Arch::new().dispatch(ShiftTerms { shift: &shift, from, x, z, to });
-                    },
-                );
+                let lens = [from.len(), to.len()];
+                self.shifted.with(Shifted::default, |shifted| {
+                    shifted.moves.clear();
+                    shifted.moves.push(Move { from: 0, to: 0, octant });
+                    invariant.add_shifts(child.level() - 1, down, lens, from, to, shifted);
+                });
             }
         }
     }
@@ -174,7 +175,7 @@ impl<K: PointKernel> Interpolation<K> {
     const PARTS: usize = points::parts::<K::Entry>();
 }
 
-/// What P2M, L2P and the shifts write to in passing.
+/// What P2M and L2P write to in passing.
 struct Scratch<K: PointKernel> {
     powers: Powers<K::Real>,
     /// Positions in half-widths.
@@ -186,7 +187,7 @@ struct Scratch<K: PointKernel> {
     /// Densities or fields of one point.
     columns: Vec<K::Column>,
     gradients: Vec<[K::Column; 3]>,
-    terms: [Vec<K::Entry>; 2],
+    sums: Vec<K::Entry>,
 }
 
 impl<K: PointKernel> Scratch<K> {
@@ -198,7 +199,7 @@ impl<K: PointKernel> Scratch<K> {
             arrays: Vec::new(),
             columns: vec![K::Column::zero(); K::FIELDS.max(K::DENSITIES)],
             gradients: vec![[K::Column::zero(); 3]; if K::GRADIENT { K::FIELDS } else { 0 }],
-            terms: [Vec::new(), Vec::new()],
+            sums: Vec::new(),
         }
     }
 
@@ -269,7 +270,7 @@ impl<K: PointKernel> Expansion for Interpolation<K> {
             || Scratch::new(n),
             |scratch| {
                 scratch.set_points(cell, sources);
-                let Scratch { powers, points, numbers, arrays, columns, terms, .. } = scratch;
+                let Scratch { powers, points, numbers, arrays, columns, sums, .. } = scratch;
                 let count = K::Column::WIDTH * Self::PARTS * K::DENSITIES;
                 reset(numbers, count * sources.len());
                 for (j, (y, q)) in sources.iter().zip(charges).enumerate() {
@@ -281,7 +282,6 @@ impl<K: PointKernel> Expansion for Interpolation<K> {
                     }
                 }
                 reset(arrays, count * n * row(n));
-                let sums = &mut terms[0];
                 let moments = Moments { basis, powers, points, numbers, arrays, sums, multipole };
                 Arch::new().dispatch(moments);
             },
@@ -296,6 +296,63 @@ impl<K: PointKernel> Expansion for Interpolation<K> {
         to: &mut [K::Entry],
     ) {
         self.shift(child, false, from, to);
+    }
+
+    fn m2m_level(
+        &self,
+        families: &LevelFamilies<'_, K::Real>,
+        from: &[K::Entry],
+        to: &mut [K::Entry],
+    ) {
+        let Prepared::Invariant(invariant) = &self.prepared else {
+            let len = self.multipole_len(families.level + 1);
+            return families.for_each_parent(to, |_, c, to| {
+                self.shift(&families.children[c], false, &from[c * len..][..len], to);
+            });
+        };
+        let level = families.level;
+        let lens = [self.multipole_len(level + 1), self.multipole_len(level)];
+        let parents = TOGETHER / 8;
+        to.par_chunks_mut((parents * lens[1]).max(1)).enumerate().for_each(|(task, to)| {
+            self.shifted.with(Shifted::default, |shifted| {
+                shifted.moves.clear();
+                for to in 0..to.len() / lens[1] {
+                    let children = families.children_of(task * parents + to);
+                    shifted.moves.extend(children.map(|from| Move {
+                        from,
+                        to,
+                        octant: families.children[from].octant(),
+                    }));
+                }
+                invariant.add_shifts(level, false, lens, from, to, shifted);
+            });
+        });
+    }
+
+    fn l2l_level(
+        &self,
+        families: &LevelFamilies<'_, K::Real>,
+        from: &[K::Entry],
+        to: &mut [K::Entry],
+    ) {
+        let lens = [self.local_len(families.level), self.local_len(families.level + 1)];
+        let Prepared::Invariant(invariant) = &self.prepared else {
+            return families.for_each_child(to, |p, c, to| {
+                let from = &from[p * lens[0]..][..lens[0]];
+                self.shift(&families.children[c], true, from, to);
+            });
+        };
+        to.par_chunks_mut((TOGETHER * lens[1]).max(1)).enumerate().for_each(|(task, to)| {
+            self.shifted.with(Shifted::default, |shifted| {
+                shifted.moves.clear();
+                shifted.moves.extend((0..to.len() / lens[1]).filter_map(|to| {
+                    let child = task * TOGETHER + to;
+                    let octant = families.children[child].octant();
+                    families.parent_of(child).map(|from| Move { from, to, octant })
+                }));
+                invariant.add_shifts(families.level, true, lens, from, to, shifted);
+            });
+        });
     }
 
     fn m2l(
@@ -359,13 +416,12 @@ impl<K: PointKernel> Expansion for Interpolation<K> {
             || Scratch::new(n),
             |scratch| {
                 scratch.set_points(cell, targets);
-                let Scratch { powers, points, numbers, arrays, columns, gradients, terms } =
-                    scratch;
+                let Scratch { powers, points, numbers, arrays, columns, gradients, sums } = scratch;
                 let count = K::Column::WIDTH * Self::PARTS * K::FIELDS;
                 let derivatives = if K::GRADIENT { 4 } else { 1 };
                 reset(arrays, count * n * row(n));
                 reset(numbers, count * derivatives * targets.len());
-                let (sums, gradient) = (&mut terms[0], K::GRADIENT);
+                let gradient = K::GRADIENT;
                 let fields =
                     Fields { basis, powers, points, numbers, arrays, local, sums, gradient };
                 Arch::new().dispatch(fields);

@@ -70,8 +70,8 @@ pub mod conformance;
 
 pub use error::{Error, PointSet};
 pub use expansion::{
-    ChargeOf, Expansion, Geometry, Level, LevelPairs, OffsetMap, RealOf, SourceOf, TargetOf,
-    ValueOf,
+    ChargeOf, Expansion, Geometry, Level, LevelFamilies, LevelPairs, OffsetMap, RealOf, SourceOf,
+    TargetOf, ValueOf,
 };
 pub use fmm::{Builder, Fmm, Phase, Progress};
 pub use geometry::{Cell, Cube, MAX_LEVEL};

@@ -9,11 +9,13 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 use rayon::prelude::*;
 
-use crate::expansion::{ChargeOf, Expansion, LevelPairs, RealOf, SourceOf, TargetOf, ValueOf};
+use crate::expansion::{
+    ChargeOf, Expansion, LevelFamilies, LevelPairs, RealOf, SourceOf, TargetOf, ValueOf,
+};
 use crate::kernel::{Kernel, Outcome};
 use crate::layout::Layout;
 use crate::lists::{ALL, Lists, Run, for_each_set_bit};
-use crate::real::Additive;
+use crate::real::{Additive, Real};
 use crate::times::{ApplyTimes, Clock};
 use crate::tree::Tree;
 
@@ -197,23 +199,16 @@ impl<E: Expansion> Plan<E> {
     /// M2M into every cell that has children, from the deepest up.
     fn m2m(&self, workspace: &mut Workspace<E>) {
         let tree = &self.source_tree;
-        for level in (0..tree.shape.levels()).rev() {
-            let (head, below) = workspace.multipoles.split_at_mut(level + 1);
-            let first = tree.shape.level(level).start;
-            let len = self.expansion.multipole_len(level);
-            cells_mut(&mut head[level], len).for_each(|(i, multipole)| {
-                let (cell, node) = (&tree.cells[first + i], &tree.shape.nodes[first + i]);
-                if !self.layout.multipole[first + i] || node.is_leaf() {
-                    return;
-                }
-                multipole.fill(Additive::zero());
-                let child_len = self.expansion.multipole_len(level + 1);
-                let first_child = tree.shape.level(level + 1).start;
-                for c in node.children() {
-                    let child = terms(&below[0], c - first_child, child_len);
-                    self.expansion.m2m(&tree.cells[c], cell, child, multipole);
+        for level in (1..tree.shape.levels()).rev() {
+            let (above, below) = workspace.multipoles.split_at_mut(level);
+            let families = families(tree, level - 1, &self.layout.multipole);
+            let to = &mut above[level - 1];
+            cells_mut(to, self.expansion.multipole_len(level - 1)).for_each(|(p, multipole)| {
+                if !families.children_of(p).is_empty() {
+                    multipole.fill(Additive::zero());
                 }
             });
+            self.expansion.m2m_level(&families, &below[0], to);
         }
     }
 
@@ -246,22 +241,20 @@ impl<E: Expansion> Plan<E> {
     fn l2l(&self, level: usize, workspace: &mut Workspace<E>) {
         let Workspace { charges, locals, p2l_declined, .. } = workspace;
         let (sources, targets) = (&self.source_tree, &self.target_tree);
-        let p2l = &self.lists.p2l;
         let (above, tail) = locals.split_at_mut(level);
+        if let Some(above) = above.last() {
+            let families = families(targets, level - 1, &self.layout.local);
+            self.expansion.l2l_level(&families, above, &mut tail[0]);
+        }
+        let p2l = &self.lists.p2l;
         let first = targets.shape.level(level).start;
         cells_mut(&mut tail[0], self.expansion.local_len(level)).for_each(|(i, local)| {
             let t = first + i;
-            let (cell, parent) = (&targets.cells[t], targets.shape.nodes[t].parent as usize);
-            if level > 0 && self.layout.local[parent] {
-                let parent_len = self.expansion.local_len(level - 1);
-                let first_parent = targets.shape.level(level - 1).start;
-                let from = terms(&above[level - 1], parent - first_parent, parent_len);
-                self.expansion.l2l(&targets.cells[parent], cell, from, local);
-            }
             for (k, &s) in p2l.of(t).iter().enumerate() {
                 let points = sources.shape.nodes[s as usize].points();
                 let (ys, qs) = (&self.sources[points.clone()], &charges[points]);
-                let declined = self.expansion.p2l(cell, ys, qs, local) == Outcome::Declined;
+                let declined =
+                    self.expansion.p2l(&targets.cells[t], ys, qs, local) == Outcome::Declined;
                 p2l_declined[p2l.starts[t] + k].store(declined, Relaxed);
             }
         });
@@ -394,6 +387,24 @@ impl<E: Expansion> Far<'_, E> {
         let (ys, qs) = (&self.plan.sources[points.clone()], &self.charges[points]);
         let expansion = &self.plan.expansion;
         expansion.kernel().add_block(xs, ys, qs, expansion.pair_tolerance(), us);
+    }
+}
+
+/// The cells of a level and of the next.
+fn families<'a, T: Real>(
+    tree: &'a Tree<T>,
+    level: usize,
+    expanded: &'a [bool],
+) -> LevelFamilies<'a, T> {
+    let [parents, children] = [tree.shape.level(level), tree.shape.level(level + 1)];
+    LevelFamilies {
+        level,
+        parents: &tree.cells[parents.clone()],
+        children: &tree.cells[children.clone()],
+        nodes: &tree.shape.nodes,
+        first_parent: parents.start,
+        first_child: children.start,
+        expanded,
     }
 }
 

@@ -1,20 +1,24 @@
-//! P2M and L2P in polynomials: sums over points, four at a time, along padded rows.
+//! P2M and L2P in polynomials: P2M runs along padded rows of coefficients, L2P along points.
 //!
 //! The array of one column of right-hand sides holds the coefficient of T̂_i(x) T̂_j(y) T̂_k(z) at
 //! i · [`row`]`(n)` + j · n + k.
 
 use pulp::{Simd, WithSimd};
 
-use crate::chebyshev::{derivatives, polynomials};
+use crate::chebyshev::{derivatives_in_lanes, polynomials_in_lanes};
 use crate::interpolation::MAX_ORDER;
 use crate::interpolation::basis::Basis;
 use crate::real::{Real, Scalar};
 
-/// Points that are summed side by side.
-const TOGETHER: usize = 4;
-
-/// Rows are padded to a multiple of this many numbers, which are summed in registers.
+/// Numbers that are summed side by side, in registers: coefficients, of which rows are padded to a
+/// multiple of it, or points.
 const LANES: usize = 8;
+
+/// Points whose products T̂_j(y) T̂_k(z) are kept at once: a multiple of [`LANES`].
+const TOGETHER: usize = 32;
+
+/// Rows of coefficients, or sums over them, that share what they are multiplied by.
+const ROWS: usize = 4;
 
 /// P2M of a cell.
 pub(crate) struct Moments<'a, S: Scalar> {
@@ -40,7 +44,7 @@ impl<S: Scalar> WithSimd for Moments<'_, S> {
         if basis.rank() == 0 {
             return;
         }
-        powers.add_moments(points, numbers, arrays);
+        powers.add_moments::<V>(points, numbers, arrays);
         let len = arrays.len() / (multipole.len() / basis.rank());
         for (m, arrays) in multipole.chunks_exact_mut(basis.rank()).zip(arrays.chunks_exact(len)) {
             let (re, im) = arrays.split_at(len / parts::<S>());
@@ -79,7 +83,7 @@ impl<S: Scalar> WithSimd for Fields<'_, S> {
             let (re, im) = arrays.split_at_mut(len / parts::<S>());
             basis.add_coefficients(powers.n, l, sums, [re, im]);
         }
-        powers.add_fields(points, arrays, gradient, numbers);
+        powers.add_fields::<V>(points, arrays, gradient, numbers);
     }
 }
 
@@ -93,43 +97,56 @@ pub(crate) fn row(n: usize) -> usize {
     (n * n).next_multiple_of(LANES)
 }
 
-/// The polynomials at up to four points.
+/// The polynomials at some points.
 pub(crate) struct Powers<T> {
     n: usize,
-    x: [[T; MAX_ORDER]; TOGETHER],
-    dx: [[T; MAX_ORDER]; TOGETHER],
-    /// T̂_j(y) T̂_k(z), a row per point; then ∂/∂y of it, then ∂/∂z.
+    /// T̂_i(x), T̂_j(y), T̂_k(z) at [`LANES`] points, and their derivatives.
+    values: [[[T; LANES]; MAX_ORDER]; 3],
+    slopes: [[[T; LANES]; MAX_ORDER]; 3],
+    /// T̂_i(x) at [`TOGETHER`] points, and with densities as factors.
+    x: [[T; TOGETHER]; MAX_ORDER],
+    dx: [[T; TOGETHER]; MAX_ORDER],
+    /// T̂_j(y) T̂_k(z), a row per point, zeros after each, and room for a register.
     yz: Vec<T>,
 }
 
 impl<T: Real> Powers<T> {
     pub(crate) fn new(n: usize) -> Self {
         let zero = T::from_f64(0.0);
-        let x = [[zero; MAX_ORDER]; TOGETHER];
-        Self { n, x, dx: x, yz: vec![zero; 3 * TOGETHER * row(n)] }
+        let (values, x) = ([[[zero; LANES]; MAX_ORDER]; 3], [[zero; TOGETHER]; MAX_ORDER]);
+        let yz = vec![zero; TOGETHER * row(n) + MAX_ORDER];
+        Self { n, values, slopes: values, x, dx: x, yz }
     }
 
     /// m̃ += Σ_p T̂(y_p) d_p for every column: `densities` holds the columns of all points one after the
     /// other, `moments` the columns' arrays.
     #[inline(always)]
-    pub(crate) fn add_moments(&mut self, points: &[[T; 3]], densities: &[T], moments: &mut [T]) {
+    pub(crate) fn add_moments<V: Simd>(
+        &mut self,
+        points: &[[T; 3]],
+        densities: &[T],
+        moments: &mut [T],
+    ) {
         let (n, row) = (self.n, row(self.n));
-        for (i, four) in points.chunks(TOGETHER).enumerate() {
-            self.set(four, false);
-            let b: [&[T]; TOGETHER] = std::array::from_fn(|p| &self.yz[p * row..][..row]);
+        for (chunk, together) in points.chunks(TOGETHER).enumerate() {
+            self.tabulate(together);
             let columns = densities.chunks_exact(points.len());
             for (moments, densities) in moments.chunks_exact_mut(n * row).zip(columns) {
-                // The last points of a short group are repeated without weight.
-                let d: [T; TOGETHER] = std::array::from_fn(|p| match p < four.len() {
-                    true => densities[i * TOGETHER + p],
-                    false => T::from_f64(0.0),
-                });
-                for (a, moments) in moments.chunks_exact_mut(row).enumerate() {
-                    let w: [T; TOGETHER] = std::array::from_fn(|p| d[p] * self.x[p][a]);
-                    let products = b[0].iter().zip(b[1]).zip(b[2]).zip(b[3]);
-                    for (m, (((&b0, &b1), &b2), &b3)) in moments.iter_mut().zip(products) {
-                        *m += (w[0] * b0 + w[1] * b1) + (w[2] * b2 + w[3] * b3);
+                let densities = &densities[chunk * TOGETHER..][..together.len()];
+                for (dx, x) in self.dx[..n].iter_mut().zip(&self.x) {
+                    for ((dx, &x), &d) in dx.iter_mut().zip(x).zip(densities) {
+                        *dx = d * x;
                     }
+                }
+                let (fours, rest) = self.dx[..n].as_chunks::<ROWS>();
+                let mut moments = moments.chunks_exact_mut(row * ROWS);
+                for (dx, moments) in fours.iter().zip(&mut moments) {
+                    add_rows::<V, T, ROWS>(dx, &self.yz, together.len(), row, moments);
+                }
+                let moments = moments.into_remainder().chunks_exact_mut(row);
+                for (dx, moments) in rest.iter().zip(moments) {
+                    let dx = std::array::from_ref(dx);
+                    add_rows::<V, T, 1>(dx, &self.yz, together.len(), row, moments);
                 }
             }
         }
@@ -138,91 +155,173 @@ impl<T: Real> Powers<T> {
     /// f_p += Σ T̂(x_p) f̃ for every column of coefficients f̃: `fields` holds the columns of all points
     /// one after the other. With `gradients`, four columns each: f and its derivatives in half-widths.
     #[inline(always)]
-    pub(crate) fn add_fields(
+    pub(crate) fn add_fields<V: Simd>(
         &mut self,
         points: &[[T; 3]],
         coefficients: &[T],
         gradients: bool,
         fields: &mut [T],
     ) {
-        let row = row(self.n);
+        let (n, row) = (self.n, row(self.n));
         let parts: usize = if gradients { 4 } else { 1 };
         let count = points.len();
-        for (i, four) in points.chunks(TOGETHER).enumerate() {
-            self.set(four, gradients);
-            for (c, coefficients) in coefficients.chunks_exact(self.n * row).enumerate() {
-                for part in 0..parts {
-                    let x = if part == 1 { &self.dx } else { &self.x };
-                    let yz = &self.yz[part.saturating_sub(1) * TOGETHER * row..][..TOGETHER * row];
-                    let sums = contract(self.n, row, x, yz, coefficients);
-                    let field = &mut fields[(c * parts + part) * count + i * TOGETHER..];
-                    for (field, sum) in field.iter_mut().zip(&sums[..four.len()]) {
-                        *field += *sum;
+        for (chunk, side_by_side) in points.chunks(LANES).enumerate() {
+            self.set(side_by_side, gradients);
+            for (c, coefficients) in coefficients.chunks_exact(n * row).enumerate() {
+                let sums = match gradients {
+                    true => self.fields::<V, true>(coefficients),
+                    false => self.fields::<V, false>(coefficients),
+                };
+                for (part, sums) in sums[..parts].iter().enumerate() {
+                    let fields = &mut fields[(c * parts + part) * count + chunk * LANES..];
+                    let fields = &mut fields[..side_by_side.len()];
+                    fields.iter_mut().zip(sums).for_each(|(field, &sum)| *field += sum);
+                }
+            }
+        }
+    }
+
+    /// The polynomials at up to [`LANES`] points; other lanes repeat the last.
+    #[inline(always)]
+    fn set(&mut self, points: &[[T; 3]], slopes: bool) {
+        let n = self.n;
+        for axis in 0..3 {
+            let at: [T; LANES] = std::array::from_fn(|p| points[p.min(points.len() - 1)][axis]);
+            polynomials_in_lanes(&at, &mut self.values[axis][..n]);
+            if slopes {
+                derivatives_in_lanes(&at, &mut self.slopes[axis][..n]);
+            }
+        }
+    }
+
+    /// `x` and `yz` of up to [`TOGETHER`] points.
+    #[inline(always)]
+    fn tabulate(&mut self, points: &[[T; 3]]) {
+        let (n, row) = (self.n, row(self.n));
+        for (chunk, side_by_side) in points.chunks(LANES).enumerate() {
+            self.set(side_by_side, false);
+            let [x, y, z] = &self.values;
+            for (to, x) in self.x.iter_mut().zip(&x[..n]) {
+                to[chunk * LANES..][..LANES].copy_from_slice(x);
+            }
+            for p in 0..side_by_side.len() {
+                let mut at_p = [T::from_f64(0.0); MAX_ORDER];
+                at_p.iter_mut().zip(&z[..n]).for_each(|(to, z)| *to = z[p]);
+                // Whole registers: what is written too far is a zero or overwritten by the next.
+                let yz = &mut self.yz[(chunk * LANES + p) * row..];
+                for (j, y) in y[..n].iter().enumerate() {
+                    let (low, high) = at_p.split_at(LANES);
+                    multiply(y[p], low, &mut yz[j * n..]);
+                    if n > LANES {
+                        multiply(y[p], high, &mut yz[j * n + LANES..]);
                     }
                 }
             }
         }
     }
 
+    /// Σ_ijk c_ijk T̂_i(x) T̂_j(y) T̂_k(z) at [`LANES`] points, and its three derivatives.
     #[inline(always)]
-    fn set(&mut self, points: &[[T; 3]], gradients: bool) {
+    fn fields<V: Simd, const GRADIENT: bool>(&self, coefficients: &[T]) -> [[T; LANES]; 4] {
         let (n, row) = (self.n, row(self.n));
-        let zero = T::from_f64(0.0);
-        for p in 0..TOGETHER {
-            let [x, y, z] = points[p.min(points.len() - 1)];
-            let (mut ty, mut tz) = ([zero; MAX_ORDER], [zero; MAX_ORDER]);
-            polynomials(x, &mut self.x[p][..n]);
-            polynomials(y, &mut ty[..n]);
-            polynomials(z, &mut tz[..n]);
-            outer(&ty[..n], &tz[..n], &mut self.yz[p * row..][..row]);
-            if gradients {
-                let (mut dy, mut dz) = ([zero; MAX_ORDER], [zero; MAX_ORDER]);
-                derivatives(x, &mut self.dx[p][..n]);
-                derivatives(y, &mut dy[..n]);
-                derivatives(z, &mut dz[..n]);
-                outer(&dy[..n], &tz[..n], &mut self.yz[(TOGETHER + p) * row..][..row]);
-                outer(&ty[..n], &dz[..n], &mut self.yz[(2 * TOGETHER + p) * row..][..row]);
+        let [x, y, z] = self.values.each_ref().map(|values| &values[..n]);
+        let [dx, dy, dz] = self.slopes.each_ref().map(|slopes| &slopes[..n]);
+        let zero = [T::from_f64(0.0); LANES];
+        let mut sums = [zero; 4];
+        for (i, plane) in coefficients.chunks_exact(row).enumerate() {
+            // Σ_jk c_ijk T̂_j(y) T̂_k(z), with T̂_j'(y), with T̂_k'(z)
+            let mut along = [zero; 3];
+            let mut add = |j: usize, over_z: &[T; LANES], slope: &[T; LANES]| {
+                fuse::<V, T>(over_z, &y[j], &mut along[0]);
+                if GRADIENT {
+                    fuse::<V, T>(over_z, &dy[j], &mut along[1]);
+                    fuse::<V, T>(slope, &y[j], &mut along[2]);
+                }
+            };
+            for j in (0..n).step_by(ROWS) {
+                if let Some(c) = plane.get(j * n..(j + ROWS) * n).filter(|_| j + ROWS <= n) {
+                    let over_z = over_rows::<V, T, ROWS>(c, z);
+                    let slopes = if GRADIENT { over_rows::<V, T, ROWS>(c, dz) } else { over_z };
+                    (0..ROWS).for_each(|r| add(j + r, &over_z[r], &slopes[r]));
+                } else {
+                    for j in j..n {
+                        let [over_z] = over_rows::<V, T, 1>(&plane[j * n..], z);
+                        let [slope] = if GRADIENT {
+                            over_rows::<V, T, 1>(&plane[j * n..], dz)
+                        } else {
+                            [over_z]
+                        };
+                        add(j, &over_z, &slope);
+                    }
+                }
+            }
+            fuse::<V, T>(&along[0], &x[i], &mut sums[0]);
+            if GRADIENT {
+                fuse::<V, T>(&along[0], &dx[i], &mut sums[1]);
+                fuse::<V, T>(&along[1], &x[i], &mut sums[2]);
+                fuse::<V, T>(&along[2], &x[i], &mut sums[3]);
             }
         }
+        sums
     }
 }
 
+/// moments_r += Σ_p x_rp yz_p for some rows, over the first `count` points.
 #[inline(always)]
-fn outer<T: Real>(y: &[T], z: &[T], yz: &mut [T]) {
-    for (yz, &y) in yz.chunks_exact_mut(z.len()).zip(y) {
-        for (yz, &z) in yz.iter_mut().zip(z) {
-            *yz = y * z;
-        }
-    }
-}
-
-/// Σ_i x_i Σ_jk c_ijk (yz)_jk at four points.
-#[inline(always)]
-fn contract<T: Real>(
-    n: usize,
-    row: usize,
-    x: &[[T; MAX_ORDER]; TOGETHER],
+fn add_rows<V: Simd, T: Real, const R: usize>(
+    x: &[[T; TOGETHER]; R],
     yz: &[T],
-    coefficients: &[T],
-) -> [T; TOGETHER] {
-    let zero = T::from_f64(0.0);
-    let mut sums = [[zero; LANES]; TOGETHER];
+    count: usize,
+    row: usize,
+    moments: &mut [T],
+) {
     for lanes in (0..row).step_by(LANES) {
-        let mut along_x = [[zero; LANES]; TOGETHER];
-        for i in 0..n {
-            let c = &coefficients[i * row + lanes..][..LANES];
-            for (sum, x) in along_x.iter_mut().zip(x) {
-                for (sum, &c) in sum.iter_mut().zip(c) {
-                    *sum += x[i] * c;
+        let mut sums: [[T; LANES]; R] =
+            std::array::from_fn(|r| std::array::from_fn(|lane| moments[r * row + lanes + lane]));
+        for p in 0..count.min(TOGETHER) {
+            let yz: &[T] = &yz[p * row + lanes..][..LANES];
+            for (sums, x) in sums.iter_mut().zip(x) {
+                for (sum, &yz) in sums.iter_mut().zip(yz) {
+                    *sum = multiply_add::<V, T>(x[p], yz, *sum);
                 }
             }
         }
-        for (p, (sum, along_x)) in sums.iter_mut().zip(&along_x).enumerate() {
-            let b = &yz[p * row + lanes..][..LANES];
-            for ((sum, &a), &b) in sum.iter_mut().zip(along_x).zip(b) {
-                *sum += a * b;
-            }
+        for (r, sums) in sums.iter().enumerate() {
+            moments[r * row + lanes..][..LANES].copy_from_slice(sums);
         }
     }
-    sums.map(|lanes| lanes.into_iter().fold(zero, |sum, lane| sum + lane))
+}
+
+/// Σ_k c_rk z_k for some rows of coefficients, at every lane.
+#[inline(always)]
+fn over_rows<V: Simd, T: Real, const R: usize>(c: &[T], z: &[[T; LANES]]) -> [[T; LANES]; R] {
+    let n = z.len();
+    let rows: [&[T]; R] = std::array::from_fn(|r| &c[r * n..][..n]);
+    let mut sums = [[T::from_f64(0.0); LANES]; R];
+    for (k, z) in z.iter().enumerate() {
+        for (sum, row) in sums.iter_mut().zip(&rows) {
+            fuse::<V, T>(z, &[row[k]; LANES], sum);
+        }
+    }
+    sums
+}
+
+/// sum += a b, lane by lane.
+#[inline(always)]
+fn fuse<V: Simd, T: Real>(a: &[T; LANES], b: &[T; LANES], sum: &mut [T; LANES]) {
+    for ((sum, &a), &b) in sum.iter_mut().zip(a).zip(b) {
+        *sum = multiply_add::<V, T>(a, b, *sum);
+    }
+}
+
+/// y z for one register of z.
+#[inline(always)]
+fn multiply<T: Real>(y: T, z: &[T], to: &mut [T]) {
+    to[..LANES].iter_mut().zip(&z[..LANES]).for_each(|(to, &z)| *to = y * z);
+}
+
+/// a b + c, rounded once where the processor can do that.
+#[inline(always)]
+fn multiply_add<V: Simd, T: Real>(a: T, b: T, c: T) -> T {
+    if V::IS_SCALAR { a * b + c } else { a.mul_add(b, c) }
 }

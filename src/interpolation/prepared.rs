@@ -2,20 +2,18 @@
 
 use std::sync::Arc;
 
-use pulp::{Simd, WithSimd};
-
 use crate::chebyshev::Chebyshev;
-use crate::dense::Matrix;
 use crate::error::Error;
 use crate::expansion::Geometry;
-use crate::interpolation::basis::{Basis, add_columns};
+use crate::interpolation::basis::Basis;
 use crate::interpolation::cache::{self, Key};
 use crate::interpolation::far_field::FarField;
 use crate::interpolation::level::LevelOperators;
 use crate::interpolation::means::Means;
 use crate::interpolation::operators::{Accuracy, Operators, Sizes, fewest_nodes};
+use crate::interpolation::shifts::Shift;
 use crate::interpolation::transfer::Transfers;
-use crate::probe::{self, Formula, zero};
+use crate::probe::{self, Formula};
 use crate::real::{Real, Scalar};
 
 /// Operators, as far as they can be prepared.
@@ -175,65 +173,23 @@ impl<S: Scalar> Invariant<S> {
         (transfers.unwrap_or(&operators.transfers), S::Real::from_f64(scale))
     }
 
-    /// The matrix of M2M, or of L2L, between a cell of `level` and its child in an octant, and the
-    /// reflection to take it by.
+    /// M2M, or L2L if `down`, between a cell of `level` and its child in an octant.
     pub(crate) fn shift(&self, level: usize, octant: usize, down: bool) -> Shift<'_, S> {
         let index = self.index(level).min(self.operators.shifts.len() - 1);
         let shifts = &self.operators.shifts[index];
         let matrices = if down { &shifts.l2l } else { &shifts.m2m };
-        let (matrix, reflection) =
-            if matrices.len() == 1 { (&matrices[0], octant) } else { (&matrices[octant], 0) };
+        let (index, reflection) = if matrices.len() == 1 { (0, octant) } else { (octant, 0) };
         let (parent, child) = (self.level(level), self.level(level + 1));
         let (from, to) = if down {
             (&parent.bases.target, &child.bases.target)
         } else {
             (&child.bases.source, &parent.bases.source)
         };
-        Shift { matrix, from: &from.signs[reflection], to: &to.signs[reflection] }
+        let signs = [&from.signs[reflection][..], &to.signs[reflection]];
+        Shift { matrix: &matrices[index], index, signs }
     }
 
     fn index(&self, level: usize) -> usize {
         level.saturating_sub(self.first_level).min(self.operators.levels.len() - 1)
-    }
-}
-
-/// A shift between levels: a matrix with signs on its columns and rows.
-pub(crate) struct Shift<'a, S: Scalar> {
-    pub(crate) matrix: &'a Matrix<S>,
-    pub(crate) from: &'a [S::Real],
-    pub(crate) to: &'a [S::Real],
-}
-
-/// M2M or L2L of one cell: to += S_to A S_from from.
-pub(crate) struct ShiftTerms<'a, S: Scalar> {
-    pub(crate) shift: &'a Shift<'a, S>,
-    pub(crate) from: &'a [S],
-    pub(crate) x: &'a mut Vec<S>,
-    pub(crate) z: &'a mut Vec<S>,
-    pub(crate) to: &'a mut [S],
-}
-
-impl<S: Scalar> WithSimd for ShiftTerms<'_, S> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<V: Simd>(self, _: V) {
-        let Self { shift: Shift { matrix, from: from_signs, to: to_signs }, from, x, z, to } = self;
-        x.clear();
-        for column in from.chunks_exact(from_signs.len()) {
-            let signed = column.iter().zip(*from_signs);
-            x.extend(signed.map(|(&term, &sign)| term * S::from_real(sign)));
-        }
-        z.clear();
-        z.resize(to.len(), zero::<S>());
-        for (x, z) in x.chunks_exact(matrix.columns).zip(z.chunks_exact_mut(matrix.rows)) {
-            add_columns(matrix, x, z);
-        }
-        for (to, column) in to.chunks_exact_mut(to_signs.len()).zip(z.chunks_exact(to_signs.len()))
-        {
-            for ((to, &term), &sign) in to.iter_mut().zip(column).zip(*to_signs) {
-                *to += term * S::from_real(sign);
-            }
-        }
     }
 }
