@@ -23,6 +23,7 @@ mod cost;
 mod directions;
 mod exchange;
 mod far_field;
+mod lanes;
 mod level;
 mod means;
 mod operators;
@@ -416,14 +417,13 @@ impl<K: PointKernel> Expansion for Interpolation<K> {
             || Scratch::new(n),
             |scratch| {
                 scratch.set_points(cell, targets);
-                let Scratch { powers, points, numbers, arrays, columns, gradients, sums } = scratch;
+                let Scratch { powers, points, numbers, arrays, columns, gradients, .. } = scratch;
                 let count = K::Column::WIDTH * Self::PARTS * K::FIELDS;
                 let derivatives = if K::GRADIENT { 4 } else { 1 };
                 reset(arrays, count * n * row(n));
                 reset(numbers, count * derivatives * targets.len());
                 let gradient = K::GRADIENT;
-                let fields =
-                    Fields { basis, powers, points, numbers, arrays, local, sums, gradient };
+                let fields = Fields { basis, powers, points, numbers, arrays, local, gradient };
                 Arch::new().dispatch(fields);
                 let per_length = K::Real::from_f64(1.0) / cell.half_width();
                 for (i, (x, u)) in targets.iter().zip(values).enumerate() {

@@ -6,7 +6,7 @@ use std::ops::{Add, Mul, Neg, Sub};
 
 use glam::{DVec3, Vec3};
 use num_complex::Complex;
-use num_traits::{Float, FloatConst, NumAssign};
+use num_traits::{Float, FloatConst, MulAdd, NumAssign};
 
 use crate::dense::Dense;
 
@@ -45,7 +45,9 @@ pub trait Columns<S>: Linear<S> {
 }
 
 /// The number type that a kernel's entries have: f32, f64 or a complex number over them.
-pub trait Scalar: Columns<Self> + NumAssign + Neg<Output = Self> + Default + Dense {
+pub trait Scalar:
+    Columns<Self> + NumAssign + MulAdd<Output = Self> + Neg<Output = Self> + Default + Dense
+{
     /// The real precision underneath.
     type Real: Real;
     /// Whether there is an imaginary part.

@@ -4,12 +4,14 @@
 //! many of them, U Σ Vᴴ, gives the functions U that matter. A local expansion holds the coordinates l of
 //! a field U l; a multipole expansion the moments m = Uᵀ m̃ of densities with Chebyshev moments m̃.
 
+use pulp::Simd;
 use rayon::prelude::*;
 
 use crate::chebyshev::Chebyshev;
 use crate::dense::{Dense, Matrix, Svd};
 use crate::error::Error;
 use crate::interpolation::far_field::{FarField, products};
+use crate::interpolation::lanes::Padded;
 use crate::interpolation::means::INTERACTION_OFFSETS;
 use crate::interpolation::points::row;
 use crate::probe::{Formula, zero};
@@ -37,9 +39,9 @@ pub(crate) struct Block<S> {
     /// The first of its functions; the others follow.
     pub(crate) first: usize,
     /// Row k: coefficient k of its functions.
-    pub(crate) functions: Matrix<S>,
+    pub(crate) functions: Padded<S>,
     /// Column k: coefficient k of its functions.
-    pub(crate) transposed: Matrix<S>,
+    pub(crate) transposed: Padded<S>,
 }
 
 /// Points in [−1, 1]³ from whose values a field's coordinates follow.
@@ -136,8 +138,8 @@ impl<S: Scalar> Spectrum<S> {
             }
             let places = part.coefficients.iter().map(|&k| place(k as usize, n) as u32).collect();
             let own = part.u.corner(part.coefficients.len(), rank);
-            let transposed = own.transpose();
-            blocks.push(Block { places, first, functions: own, transposed });
+            let [functions, transposed] = [Padded::new(&own), Padded::new(&own.transpose())];
+            blocks.push(Block { places, first, functions, transposed });
         }
         (functions, parities, blocks)
     }
@@ -172,7 +174,7 @@ impl<S: Scalar> Basis<S> {
     /// m += Uᵀ m̃ for one right-hand side of Chebyshev moments in padded arrays: the real parts, and the
     /// imaginary ones if there are any.
     #[inline(always)]
-    pub(crate) fn add_moments(
+    pub(crate) fn add_moments<V: Simd>(
         &self,
         n: usize,
         parts: [&[S::Real]; 2],
@@ -186,25 +188,26 @@ impl<S: Scalar> Basis<S> {
             }
         }
         for block in &self.blocks {
-            let m = &mut m[block.first..][..block.transposed.rows];
+            let m = &mut m[block.first..];
             sums.clear();
             sums.extend(
                 block.places.iter().map(|&place| {
                     S::from_parts(parts[0][place as usize], parts[1][place as usize])
                 }),
             );
-            add_columns(&block.transposed, sums, m);
+            block.transposed.product::<V>(sums, |first, own| {
+                m[first..].iter_mut().zip(own).for_each(|(m, &own)| *m += own);
+            });
         }
     }
 
     /// f̃ += U l for one right-hand side of coefficients in padded arrays: the real parts, and the
     /// imaginary ones if there are any.
     #[inline(always)]
-    pub(crate) fn add_coefficients(
+    pub(crate) fn add_coefficients<V: Simd>(
         &self,
         n: usize,
         l: &[S],
-        sums: &mut Vec<S>,
         [re, im]: [&mut [S::Real]; 2],
     ) {
         let mut add = |place: usize, sum: S| {
@@ -218,12 +221,12 @@ impl<S: Scalar> Basis<S> {
             l.iter().enumerate().for_each(|(k, &l)| add(place(k, n), l));
         }
         for block in &self.blocks {
-            sums.clear();
-            sums.resize(block.functions.rows, zero::<S>());
-            add_columns(&block.functions, &l[block.first..][..block.functions.columns], sums);
-            for (&place, &sum) in block.places.iter().zip(sums.iter()) {
-                add(place as usize, sum);
-            }
+            let l = &l[block.first..][..block.functions.columns];
+            block.functions.product::<V>(l, |first, sums| {
+                for (&place, &sum) in block.places[first..].iter().zip(sums) {
+                    add(place as usize, sum);
+                }
+            });
         }
     }
 
@@ -348,28 +351,6 @@ fn signs<T: Real>(parities: &[u8]) -> [Vec<T>; 8] {
         let odd = |parity: u8| (parity & reflection as u8).count_ones() % 2 == 1;
         parities.iter().map(|&p| T::from_f64(if odd(p) { -1.0 } else { 1.0 })).collect()
     })
-}
-
-/// y += A x, four columns at a time.
-#[inline(always)]
-pub(crate) fn add_columns<S: Scalar>(a: &Matrix<S>, x: &[S], y: &mut [S]) {
-    let rows = a.rows;
-    let (mut columns, mut numbers) = (&a.data[..], x);
-    while let [x0, x1, x2, x3, rest @ ..] = numbers {
-        let (four, others) = columns.split_at(4 * rows);
-        let (c0, four) = four.split_at(rows);
-        let (c1, four) = four.split_at(rows);
-        let (c2, c3) = four.split_at(rows);
-        for ((((y, &c0), &c1), &c2), &c3) in y.iter_mut().zip(c0).zip(c1).zip(c2).zip(c3) {
-            *y += (*x0 * c0 + *x1 * c1) + (*x2 * c2 + *x3 * c3);
-        }
-        (columns, numbers) = (others, rest);
-    }
-    for (column, &x) in columns.chunks_exact(rows.max(1)).zip(numbers) {
-        for (y, &c) in y.iter_mut().zip(column) {
-            *y += x * c;
-        }
-    }
 }
 
 /// A B

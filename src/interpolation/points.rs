@@ -8,11 +8,8 @@ use pulp::{Simd, WithSimd};
 use crate::chebyshev::{derivatives_in_lanes, polynomials_in_lanes};
 use crate::interpolation::MAX_ORDER;
 use crate::interpolation::basis::Basis;
+use crate::interpolation::lanes::{LANES, fuse, multiply_add};
 use crate::real::{Real, Scalar};
-
-/// Numbers that are summed side by side, in registers: coefficients, of which rows are padded to a
-/// multiple of it, or points.
-const LANES: usize = 8;
 
 /// Points whose products T̂_j(y) T̂_k(z) are kept at once: a multiple of [`LANES`].
 const TOGETHER: usize = 32;
@@ -48,7 +45,7 @@ impl<S: Scalar> WithSimd for Moments<'_, S> {
         let len = arrays.len() / (multipole.len() / basis.rank());
         for (m, arrays) in multipole.chunks_exact_mut(basis.rank()).zip(arrays.chunks_exact(len)) {
             let (re, im) = arrays.split_at(len / parts::<S>());
-            basis.add_moments(powers.n, [re, if im.is_empty() { re } else { im }], sums, m);
+            basis.add_moments::<V>(powers.n, [re, if im.is_empty() { re } else { im }], sums, m);
         }
     }
 }
@@ -65,7 +62,6 @@ pub(crate) struct Fields<'a, S: Scalar> {
     /// Zeros; coefficients afterwards.
     pub(crate) arrays: &'a mut [S::Real],
     pub(crate) local: &'a [S],
-    pub(crate) sums: &'a mut Vec<S>,
     pub(crate) gradient: bool,
 }
 
@@ -74,14 +70,14 @@ impl<S: Scalar> WithSimd for Fields<'_, S> {
 
     #[inline(always)]
     fn with_simd<V: Simd>(self, _: V) {
-        let Self { basis, powers, points, numbers, arrays, local, sums, gradient } = self;
+        let Self { basis, powers, points, numbers, arrays, local, gradient } = self;
         if basis.rank() == 0 {
             return;
         }
         let len = arrays.len() / (local.len() / basis.rank());
         for (l, arrays) in local.chunks_exact(basis.rank()).zip(arrays.chunks_exact_mut(len)) {
             let (re, im) = arrays.split_at_mut(len / parts::<S>());
-            basis.add_coefficients(powers.n, l, sums, [re, im]);
+            basis.add_coefficients::<V>(powers.n, l, [re, im]);
         }
         powers.add_fields::<V>(points, arrays, gradient, numbers);
     }
@@ -204,13 +200,15 @@ impl<T: Real> Powers<T> {
             for (to, x) in self.x.iter_mut().zip(&x[..n]) {
                 to[chunk * LANES..][..LANES].copy_from_slice(x);
             }
-            for p in 0..side_by_side.len() {
-                let mut at_p = [T::from_f64(0.0); MAX_ORDER];
-                at_p.iter_mut().zip(&z[..n]).for_each(|(to, z)| *to = z[p]);
+            let mut of_point = [[T::from_f64(0.0); MAX_ORDER]; LANES];
+            for (k, z) in z[..n].iter().enumerate() {
+                of_point.iter_mut().zip(z).for_each(|(to, &z)| to[k] = z);
+            }
+            for (p, z) in of_point[..side_by_side.len()].iter().enumerate() {
                 // Whole registers: what is written too far is a zero or overwritten by the next.
                 let yz = &mut self.yz[(chunk * LANES + p) * row..];
+                let (low, high) = z.split_at(LANES);
                 for (j, y) in y[..n].iter().enumerate() {
-                    let (low, high) = at_p.split_at(LANES);
                     multiply(y[p], low, &mut yz[j * n..]);
                     if n > LANES {
                         multiply(y[p], high, &mut yz[j * n + LANES..]);
@@ -306,22 +304,8 @@ fn over_rows<V: Simd, T: Real, const R: usize>(c: &[T], z: &[[T; LANES]]) -> [[T
     sums
 }
 
-/// sum += a b, lane by lane.
-#[inline(always)]
-fn fuse<V: Simd, T: Real>(a: &[T; LANES], b: &[T; LANES], sum: &mut [T; LANES]) {
-    for ((sum, &a), &b) in sum.iter_mut().zip(a).zip(b) {
-        *sum = multiply_add::<V, T>(a, b, *sum);
-    }
-}
-
 /// y z for one register of z.
 #[inline(always)]
 fn multiply<T: Real>(y: T, z: &[T], to: &mut [T]) {
     to[..LANES].iter_mut().zip(&z[..LANES]).for_each(|(to, &z)| *to = y * z);
-}
-
-/// a b + c, rounded once where the processor can do that.
-#[inline(always)]
-fn multiply_add<V: Simd, T: Real>(a: T, b: T, c: T) -> T {
-    if V::IS_SCALAR { a * b + c } else { a.mul_add(b, c) }
 }
