@@ -5,6 +5,9 @@ use faer::linalg::matmul::matmul;
 use faer::prelude::SolveLstsq;
 use faer::{Accum, MatMut, MatRef, Par};
 use num_complex::Complex;
+use pulp::Arch;
+
+use crate::products::{Batched, Products};
 
 /// A matrix, column after column.
 #[derive(Clone, Debug, PartialEq)]
@@ -59,10 +62,21 @@ pub struct Svd<S> {
 }
 
 /// Numbers that dense matrices can be made of: f32, f64 and the complex numbers over them.
-pub trait Dense: Copy + Send + Sync + 'static {
+pub trait Dense: Copy + Default + Send + Sync + 'static {
     /// C = A B, or C += A B, for C of A.rows × n entries and B of A.columns × n, column after column.
     #[doc(hidden)]
     fn product(a: &Matrix<Self>, b: &[Self], add: bool, c: &mut [Self]);
+
+    /// y = A x, or y += A x if `add`, for every pair of places [x, y]: where x starts in `from`, and y in
+    /// `to`.
+    #[doc(hidden)]
+    fn products(
+        a: &Batched<Self>,
+        places: &[[usize; 2]],
+        add: bool,
+        from: &[Self],
+        to: &mut [Self],
+    );
 
     /// The thin singular value decomposition; none if it does not converge.
     #[doc(hidden)]
@@ -93,6 +107,16 @@ macro_rules! dense {
                 let c = MatMut::from_column_major_slice_mut(c, a.rows, n);
                 let accum = if add { Accum::Add } else { Accum::Replace };
                 matmul(c, accum, view(a), b, $one, Par::Seq);
+            }
+
+            fn products(
+                matrix: &Batched<Self>,
+                places: &[[usize; 2]],
+                add: bool,
+                from: &[Self],
+                to: &mut [Self],
+            ) {
+                Arch::new().dispatch(Products { matrix, places, add, from, to });
             }
 
             fn svd(a: &Matrix<Self>) -> Option<Svd<Self>> {

@@ -41,6 +41,7 @@
 
 // Each module imports only from those above it.
 mod error;
+mod products;
 mod dense;
 mod real;
 mod geometry;

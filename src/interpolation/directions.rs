@@ -15,6 +15,7 @@ use crate::expansion::OffsetMap;
 use crate::interpolation::basis::{Basis, adjoint, product};
 use crate::interpolation::means::weight;
 use crate::probe::{Formula, norm_squared, zero};
+use crate::products::Batched;
 use crate::real::{Point, Real, Scalar, Vector};
 
 /// The bases of cells of one size.
@@ -33,11 +34,11 @@ pub(crate) struct Bases<S: Scalar> {
 #[derive(Debug)]
 pub(crate) struct Direction<R> {
     /// Qᴴ
-    pub(crate) collect: Matrix<R>,
+    pub(crate) collect: Batched<R>,
     /// P
-    pub(crate) spread: Matrix<R>,
+    pub(crate) spread: Batched<R>,
     /// W_o, shared with the reflected directions.
-    pub(crate) cores: Arc<Vec<Matrix<R>>>,
+    pub(crate) cores: Arc<Vec<Batched<R>>>,
 }
 
 impl<R> Direction<R> {
@@ -157,8 +158,11 @@ impl<S: Scalar> Bases<S> {
         let size = matrices.iter().map(|c| norm_squared(&c.data)).fold(0.0, f64::max).sqrt();
         let single = size_of::<S>() > size_of::<S::Single>();
         let cores = match single && SINGLE_ROUNDING * size <= ROUNDING_SHARE * self.cut {
-            true => Cores::Single(Arc::new(cores.map(|core| core.map(S::to_single)).collect())),
-            false => Cores::Full(Arc::new(cores.collect())),
+            true => {
+                let single = cores.map(|core| Batched::new(&core.map(S::to_single)));
+                Cores::Single(Arc::new(single.collect()))
+            }
+            false => Cores::Full(Arc::new(cores.map(|core| Batched::new(&core)).collect())),
         };
         Canonical { collect, spread, cores }
     }
@@ -172,8 +176,8 @@ struct Canonical<S: Scalar> {
 }
 
 enum Cores<S: Scalar> {
-    Full(Arc<Vec<Matrix<S>>>),
-    Single(Arc<Vec<Matrix<S::Single>>>),
+    Full(Arc<Vec<Batched<S>>>),
+    Single(Arc<Vec<Batched<S::Single>>>),
 }
 
 impl<S: Scalar> Canonical<S> {
@@ -182,12 +186,14 @@ impl<S: Scalar> Canonical<S> {
         let collect = with_column_signs(&self.collect, &bases.source.signs[reflection]);
         let spread = with_row_signs(&self.spread, &bases.target.signs[reflection]);
         match &self.cores {
-            Cores::Full(cores) => {
-                Digits::Full(Direction { collect, spread, cores: Arc::clone(cores) })
-            }
+            Cores::Full(cores) => Digits::Full(Direction {
+                collect: Batched::new(&collect),
+                spread: Batched::new(&spread),
+                cores: Arc::clone(cores),
+            }),
             Cores::Single(cores) => Digits::Single(Direction {
-                collect: collect.map(S::to_single),
-                spread: spread.map(S::to_single),
+                collect: Batched::new(&collect.map(S::to_single)),
+                spread: Batched::new(&spread.map(S::to_single)),
                 cores: Arc::clone(cores),
             }),
         }

@@ -8,7 +8,7 @@ use crate::expansion::{LevelPairs, OffsetMap};
 use crate::interpolation::directions::{
     Bases, DIRECTIONS, Digits, Direction, Place, direction_of, directions,
 };
-use crate::interpolation::exchange::{BLOCK, Block, Coordinates, Pair, Work, receive};
+use crate::interpolation::exchange::{BLOCK, Coordinates, Exchange, Pair};
 use crate::interpolation::means::{INTERACTION_OFFSETS, interaction_offsets, weight};
 use crate::pool::Pool;
 use crate::probe::{Formula, zero};
@@ -21,9 +21,10 @@ pub(crate) struct Transfers<S: Scalar> {
     places: OffsetMap<Place>,
     /// Places of offsets up to [`NEAR`], by [`near_index`].
     near: Vec<Option<Place>>,
-    /// Where each direction's coordinates stand among those of one cell, in its digits.
+    /// Where each direction's coordinates stand among those of one cell, in its digits, filled up to
+    /// whole registers.
     starts: [usize; DIRECTIONS],
-    /// How many coordinates one cell has in all directions: in full digits, in single ones.
+    /// How many coordinates one cell has in all directions: in full digits, in single ones; likewise.
     coordinates: [usize; 2],
     /// How many cores the directions before one have.
     core_starts: [usize; DIRECTIONS + 1],
@@ -48,8 +49,8 @@ struct Buffers<S: Scalar> {
     found: Vec<Pair>,
     sorted: Vec<Pair>,
     starts: Vec<u32>,
-    full: Work<S>,
-    single: Work<S::Single>,
+    full: Exchange<S>,
+    single: Exchange<S::Single>,
 }
 
 /// Offsets of an unmasked tree have no component larger than this.
@@ -67,8 +68,8 @@ impl<S: Scalar> Transfers<S> {
         for (d, digits) in directions.iter().enumerate() {
             let (kind, count, cores) = match digits {
                 None => (0, 0, 0),
-                Some(Digits::Full(own)) => (0, own.collect.rows, own.cores.len()),
-                Some(Digits::Single(own)) => (1, own.collect.rows, own.cores.len()),
+                Some(Digits::Full(own)) => (0, own.collect.height, own.cores.len()),
+                Some(Digits::Single(own)) => (1, own.collect.height, own.cores.len()),
             };
             starts[d] = coordinates[kind];
             coordinates[kind] += count;
@@ -166,18 +167,22 @@ impl<S: Scalar> Transfers<S> {
         let inputs = multipoles.par_chunks(BLOCK * from_len).zip(wanted.par_chunks(BLOCK));
         outputs.zip(inputs).for_each(|((full, single), (multipoles, wanted))| {
             self.buffers.with(Buffers::default, |buffers| {
-                let block = Block { multipoles, wanted, from_len, columns };
-                block.enter(&mut buffers.full.multipoles, |m| m, self.coordinates[0]);
-                block.enter(&mut buffers.single.multipoles, S::to_single, self.coordinates[1]);
+                let Buffers { full: in_full, single: in_single, .. } = buffers;
+                if self.coordinates[0] > 0 {
+                    in_full.enter(multipoles.iter().copied());
+                }
+                if self.coordinates[1] > 0 {
+                    in_single.enter(multipoles.iter().map(|&m| m.to_single()));
+                }
                 for (d, digits) in self.directions.iter().enumerate() {
                     let start = BLOCK * self.starts[d] * columns;
                     match digits {
                         None => {}
                         Some(Digits::Full(direction)) => {
-                            block.send(d, direction, &mut buffers.full, &mut full[start..]);
+                            in_full.send(d, direction, wanted, columns, &mut full[start..]);
                         }
                         Some(Digits::Single(direction)) => {
-                            block.send(d, direction, &mut buffers.single, &mut single[start..]);
+                            in_single.send(d, direction, wanted, columns, &mut single[start..]);
                         }
                     }
                 }
@@ -196,29 +201,30 @@ impl<S: Scalar> Transfers<S> {
         Buffers { sorted, full, single, .. }: &mut Buffers<S>,
     ) {
         let mut rest = &sorted[..];
+        let block_lens = self.coordinates.map(|count| BLOCK * count * columns);
+        let counts = [to.len() / to_len, columns];
+        full.start();
+        single.start();
         for (d, digits) in self.directions.iter().enumerate() {
             let end = rest.partition_point(|p| (p.core as usize) < self.core_starts[d + 1]);
             let (pairs, others) = rest.split_at(end);
             rest = others;
-            let first_core = self.core_starts[d];
-            let [full_len, single_len] = self.coordinates.map(|count| BLOCK * count * columns);
-            let start = BLOCK * self.starts[d] * columns;
-            let scale = S::from_real(scale);
+            let (first_core, start) = (self.core_starts[d], BLOCK * self.starts[d] * columns);
             match digits {
                 None => {}
                 Some(Digits::Full(direction)) => {
-                    let lens = [columns, full_len, to_len];
-                    let y = Coordinates { all: &sent.full, start, lens };
-                    receive(direction, first_core, pairs, &y, full, to, |l| l * scale);
+                    let y = Coordinates { all: &sent.full, start, block_len: block_lens[0] };
+                    full.receive(direction, first_core, pairs, &y, counts);
                 }
                 Some(Digits::Single(direction)) => {
-                    let lens = [columns, single_len, to_len];
-                    let y = Coordinates { all: &sent.single, start, lens };
-                    let leave = |l| S::from_single(l) * scale;
-                    receive(direction, first_core, pairs, &y, single, to, leave);
+                    let y = Coordinates { all: &sent.single, start, block_len: block_lens[1] };
+                    single.receive(direction, first_core, pairs, &y, counts);
                 }
             }
         }
+        let (rank, scale) = (to_len / columns, S::from_real(scale));
+        full.leave(rank, to, |l| l * scale);
+        single.leave(rank, to, |l| S::from_single(l) * scale);
     }
 
     /// The pairs of `count` targets from `first` on, core by core; calls `other(source, target)` for
@@ -302,24 +308,25 @@ fn near_index(offset: [i32; 3]) -> Option<usize> {
 
 /// l += P W Qᴴ m for one pair.
 fn add_one<S: Scalar, R: Scalar>(
-    direction: &Direction<R>,
+    Direction { collect, spread, cores }: &Direction<R>,
     core: u32,
     m: &[S],
     l: &mut [S],
     enter: impl Fn(S) -> R,
     leave: impl Fn(R) -> S,
 ) {
-    let Direction { collect, spread, cores } = direction;
     if collect.rows == 0 || spread.columns == 0 {
         return;
     }
-    let columns = m.len() / collect.columns;
-    let m: Vec<R> = m.iter().map(|&m| enter(m)).collect();
-    let mut y = vec![zero::<R>(); collect.rows * columns];
-    R::product(collect, &m, false, &mut y);
-    let mut z = vec![zero::<R>(); spread.columns * columns];
-    R::product(&cores[core as usize], &y, false, &mut z);
-    let mut out = vec![zero::<R>(); l.len()];
-    R::product(spread, &z, false, &mut out);
-    l.iter_mut().zip(out).for_each(|(l, out)| *l += leave(out));
+    let core = &cores[core as usize];
+    let mut y = vec![zero::<R>(); collect.height];
+    let mut z = vec![zero::<R>(); core.height];
+    let mut out = vec![zero::<R>(); spread.height];
+    for (m, l) in m.chunks_exact(collect.columns).zip(l.chunks_exact_mut(spread.rows)) {
+        let m: Vec<R> = m.iter().map(|&m| enter(m)).collect();
+        collect.products(&[[0, 0]], false, &m, &mut y);
+        core.products(&[[0, 0]], false, &y, &mut z);
+        spread.products(&[[0, 0]], false, &z, &mut out);
+        l.iter_mut().zip(&out).for_each(|(l, &out)| *l += leave(out));
+    }
 }
