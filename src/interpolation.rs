@@ -66,7 +66,7 @@ pub struct Interpolation<K: PointKernel> {
 pub const MAX_ORDER: usize = 16;
 
 /// The share of the tolerance that one pair of the near field may be off by.
-const PAIR_SHARE: f64 = 0.05;
+const PAIR_SHARE: f64 = 0.1;
 
 /// One evaluation of [`PointKernel::entries`] costs about as much as this many pairs of a near field.
 const ENTRY_PAIRS: usize = 4;

@@ -62,6 +62,7 @@ mod lists;
 mod traversal;
 mod layout;
 mod times;
+mod near;
 mod passes;
 mod stats;
 mod pace;

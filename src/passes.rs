@@ -14,7 +14,9 @@ use crate::expansion::{
 };
 use crate::kernel::{Kernel, Outcome};
 use crate::layout::Layout;
-use crate::lists::{ALL, Lists, Run, for_each_set_bit};
+use crate::lists::Lists;
+use crate::near::{Gathered, Near};
+use crate::pool::Pool;
 use crate::real::{Additive, Real};
 use crate::times::{ApplyTimes, Clock};
 use crate::tree::Tree;
@@ -67,6 +69,7 @@ pub(crate) struct Workspace<E: Expansion> {
     locals: Vec<Vec<E::LocalTerm>>,
     /// For every entry of the P2L list, whether the expansion declined it.
     p2l_declined: Vec<AtomicBool>,
+    gathered: Pool<Gathered<E::Kernel>>,
 }
 
 impl<E: Expansion> Workspace<E> {
@@ -78,6 +81,7 @@ impl<E: Expansion> Workspace<E> {
             multipoles: multipole_terms.iter().map(|&n| vec![Additive::zero(); n]).collect(),
             locals: local_terms.iter().map(|&n| vec![Additive::zero(); n]).collect(),
             p2l_declined: plan.lists.p2l.items.iter().map(|_| AtomicBool::new(false)).collect(),
+            gathered: Pool::default(),
         }
     }
 
@@ -262,7 +266,14 @@ impl<E: Expansion> Plan<E> {
 
     /// Adds up what one sweep brings to the values at every target leaf.
     fn evaluate(&self, workspace: &mut Workspace<E>, sweep: Sweep) {
-        let Workspace { charges, values, multipoles, locals, p2l_declined } = workspace;
+        let Workspace { charges, values, multipoles, locals, p2l_declined, gathered } = workspace;
+        let near = Near {
+            kernel: self.expansion.kernel(),
+            tolerance: self.expansion.pair_tolerance(),
+            sources: &self.sources,
+            charges,
+            bits: &self.lists.bits,
+        };
         let at_leaf = |t: usize, us: &mut [ValueOf<E>]| {
             let tree = &self.target_tree;
             let xs = &self.targets[tree.shape.nodes[t].points()];
@@ -284,9 +295,8 @@ impl<E: Expansion> Plan<E> {
                 self.inherited(t, &far, p2l_declined, xs, us);
             }
             if sweep.near {
-                for run in self.lists.near.of(t) {
-                    self.near(*run, charges, xs, us);
-                }
+                let runs = self.lists.near.of(t);
+                gathered.with(Gathered::default, |gathered| near.add(runs, gathered, xs, us));
             }
         };
         self.for_each_leaf(&self.layout.tasks, values, &at_leaf);
@@ -345,20 +355,6 @@ impl<E: Expansion> Plan<E> {
                     far.direct(s, xs, us);
                 }
             }
-        }
-    }
-
-    /// One run of near sources, pair by pair where some are masked.
-    fn near(&self, run: Run, charges: &[ChargeOf<E>], xs: &[TargetOf<E>], us: &mut [ValueOf<E>]) {
-        let kernel = self.expansion.kernel();
-        let points = run.first as usize..run.last as usize;
-        let (ys, qs) = (&self.sources[points.clone()], &charges[points]);
-        if run.bits == ALL {
-            return kernel.add_block(xs, ys, qs, self.expansion.pair_tolerance(), us);
-        }
-        let bits = &self.lists.bits[run.bits as usize..];
-        for (i, (x, u)) in xs.iter().zip(us).enumerate() {
-            for_each_set_bit(bits, i, ys.len(), |j| kernel.add(x, &ys[j], &qs[j], u));
         }
     }
 }

@@ -57,7 +57,7 @@ struct Buffers<S: Scalar> {
 const NEAR: i32 = 3;
 
 /// Bytes of the local expansions of one task.
-const TASK_BYTES: usize = 1 << 18;
+const TASK_BYTES: usize = 1 << 19;
 
 impl<S: Scalar> Transfers<S> {
     /// Operators for the given offsets.
