@@ -23,13 +23,18 @@ const REGISTER_BYTES: usize = 64;
 impl<S: Dense> Batched<S> {
     pub(crate) fn new(matrix: &Matrix<S>) -> Self {
         let Matrix { rows, columns, .. } = *matrix;
-        let height = rows.next_multiple_of(REGISTER_BYTES / size_of::<S>());
+        let height = Self::height_of(rows);
         let mut entries = Vec::with_capacity(height * columns);
         for j in 0..columns {
             entries.extend_from_slice(matrix.column(j));
             entries.resize((j + 1) * height, S::default());
         }
         Self { rows, columns, height, entries }
+    }
+
+    /// How many rows this many are with those that fill them up.
+    pub(crate) fn height_of(rows: usize) -> usize {
+        rows.next_multiple_of(REGISTER_BYTES / size_of::<S>())
     }
 
     /// y = A x, or y += A x if `add`, for every pair of places [x, y]: where x starts in `from`, and y,
@@ -124,7 +129,7 @@ fn tile<V: Simd, S: Registers, const H: usize, const C: usize>(
         // All have this length; now the compiler knows.
         *x = &x[..columns];
     }
-    for (k, column) in entries.chunks_exact((entries.len() / columns).max(1)).enumerate() {
+    for (k, column) in entries.chunks_exact((entries.len() / columns.max(1)).max(1)).enumerate() {
         let Some(column) = column[first..].first_chunk::<H>().filter(|_| k < columns) else {
             break;
         };
@@ -236,7 +241,9 @@ mod tests {
     /// Against the products of `dense`: shapes below, at and above whole strips and groups; vectors out
     /// of order and apart.
     fn check<S: Scalar>(bound: f64, number: impl Fn(usize) -> S) {
-        for (rows, columns) in [(1, 1), (5, 3), (16, 7), (17, 40), (48, 9), (63, 25), (130, 11)] {
+        for (rows, columns) in
+            [(3, 0), (1, 1), (5, 3), (16, 7), (17, 40), (48, 9), (63, 25), (130, 11)]
+        {
             let a = Matrix::from_fn(rows, columns, |i, j| number(31 * i + 17 * j));
             let padded = Batched::new(&a);
             for count in [1, 3, 8, 21] {

@@ -33,6 +33,8 @@ pub(crate) struct Basis<S: Scalar> {
 /// The part of a basis that has one parity.
 #[derive(Debug)]
 pub(crate) struct Block<S> {
+    /// Along which axes its functions are odd, as bits.
+    pub(crate) parity: u8,
     /// Where its coefficients stand in the padded arrays of [`points`](super::points), one component's
     /// after the other's.
     pub(crate) places: Vec<u32>,
@@ -139,7 +141,7 @@ impl<S: Scalar> Spectrum<S> {
             let places = part.coefficients.iter().map(|&k| place(k as usize, n) as u32).collect();
             let own = part.u.corner(part.coefficients.len(), rank);
             let [functions, transposed] = [Padded::new(&own), Padded::new(&own.transpose())];
-            blocks.push(Block { places, first, functions, transposed });
+            blocks.push(Block { parity: part.parity, places, first, functions, transposed });
         }
         (functions, parities, blocks)
     }

@@ -5,7 +5,12 @@
 //! components of two and more cells count by their signs, the others as zero. For the offsets o of one
 //! direction, C_o = P W_o Qᴴ with the same Q and P: a multipole expansion is taken to y = Qᴴ m once,
 //! whatever the number of targets; small matrices W_o connect cells; l = P z closes.
+//!
+//! Directions that are reflections R of each other have the same W_o, and S_R Q and S_R P, where the
+//! signs S_R depend on a function's parities only. So the sums over the functions of each parity class
+//! are the same for all of them but for signs: they are taken once, and added up for every reflection.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use rayon::prelude::*;
@@ -30,36 +35,58 @@ pub(crate) struct Bases<S: Scalar> {
     pub(crate) cut: f64,
 }
 
-/// The matrices of one direction.
+/// The matrices of the directions that are reflections of one.
 #[derive(Debug)]
-pub(crate) struct Direction<R> {
-    /// Qᴴ
-    pub(crate) collect: Batched<R>,
-    /// P
-    pub(crate) spread: Batched<R>,
-    /// W_o, shared with the reflected directions.
-    pub(crate) cores: Arc<Vec<Batched<R>>>,
+pub(crate) struct Group<R> {
+    /// The axes along which that one and its reflections lie, as bits.
+    pub(crate) axes: u8,
+    /// Qᴴ, by its columns.
+    pub(crate) collect: Vec<Part<R>>,
+    /// P, by its rows.
+    pub(crate) spread: Vec<Part<R>>,
+    /// W_o
+    pub(crate) cores: Vec<Batched<R>>,
+    /// How many coordinates y and z there are, and how many with zeros that fill up registers.
+    pub(crate) ranks: [usize; 2],
+    pub(crate) heights: [usize; 2],
 }
 
-impl<R> Direction<R> {
-    /// How many terms a multipole expansion has, coordinates y and z, and terms a local expansion.
-    pub(crate) fn sizes(&self) -> [usize; 4] {
-        let Self { collect, spread, .. } = self;
-        [collect.columns, collect.rows, spread.columns, spread.rows]
+/// The part of a matrix that belongs to neighbouring functions of one parity class.
+#[derive(Debug)]
+pub(crate) struct Part<R> {
+    /// The parities along the group's axes.
+    pub(crate) class: usize,
+    /// The first of the functions.
+    pub(crate) first: usize,
+    pub(crate) matrix: Batched<R>,
+}
+
+impl<R> Group<R> {
+    /// How many directions there are, and as many parity classes.
+    pub(crate) fn members(&self) -> usize {
+        1 << self.axes.count_ones()
+    }
+
+    /// Multiply-adds of the sums over all functions, once for all directions.
+    pub(crate) fn side_multiply_adds(&self) -> usize {
+        let parts = self.collect.iter().chain(&self.spread);
+        parts.map(|part| part.matrix.rows * part.matrix.columns).sum()
     }
 }
 
-/// A direction in the digits that the tolerance needs.
+/// A group in the digits that the tolerance needs.
 #[derive(Debug)]
 pub(crate) enum Digits<S: Scalar> {
-    Full(Direction<S>),
-    Single(Direction<S::Single>),
+    Full(Group<S>),
+    Single(Group<S::Single>),
 }
 
 /// Where the matrix of an offset stands.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Place {
-    pub(crate) direction: u8,
+    pub(crate) group: u8,
+    /// Which reflection of the group's first direction, as bits of its axes.
+    pub(crate) member: u8,
     pub(crate) core: u32,
 }
 
@@ -73,12 +100,12 @@ pub(crate) fn direction_of(offset: [i32; 3]) -> usize {
     (sign(offset[0]) * 3 + sign(offset[1])) * 3 + sign(offset[2])
 }
 
-/// The directions of the given offsets, and where each offset stands.
+/// The groups of the given offsets' directions, and where each offset stands.
 pub(crate) fn directions<S: Scalar>(
     kernel: &Formula<'_, S>,
     bases: &Bases<S>,
     offsets: &[[i32; 3]],
-) -> (Vec<Option<Digits<S>>>, OffsetMap<Place>) {
+) -> (Vec<Digits<S>>, OffsetMap<Place>) {
     let stored = |o: [i32; 3]| if bases.reflected { o.map(i32::abs) } else { o };
     let known: Vec<[i32; 3]> = offsets.iter().map(|&o| stored(o)).collect();
     let matrices = OffsetMap::build(&known, |o| {
@@ -91,30 +118,27 @@ pub(crate) fn directions<S: Scalar>(
         let (_, offset) = bases.canonical(offset);
         members[direction_of(offset)].push(offset);
     }
+    members.retain(|members| !members.is_empty());
     for members in &mut members {
         members.sort_unstable();
         members.dedup();
     }
-    let canonical = |members: &Vec<[i32; 3]>| {
-        (!members.is_empty()).then(|| bases.canonical_direction(members, &matrices))
-    };
-    let canonical: Vec<Option<Canonical<S>>> = members.par_iter().map(canonical).collect();
-
-    let mut all: Vec<Option<Digits<S>>> = (0..DIRECTIONS).map(|_| None).collect();
     let places = OffsetMap::build(offsets, |offset| {
-        let (_, canonical) = bases.canonical(offset);
-        let core = members[direction_of(canonical)].binary_search(&canonical).unwrap_or_default();
-        Place { direction: direction_of(offset) as u8, core: core as u32 }
+        let (reflection, canonical) = bases.canonical(offset);
+        let number = direction_of(canonical);
+        let group = members.iter().position(|members| direction_of(members[0]) == number);
+        let group = group.unwrap_or_default();
+        let core = members[group].binary_search(&canonical).unwrap_or_default() as u32;
+        let member = compressed(reflection as u8, bases.axes(canonical)) as u8;
+        Place { group: group as u8, member, core }
     });
-    for &offset in offsets {
-        let (reflection, from) = bases.canonical(offset);
-        let direction = &mut all[direction_of(offset)];
-        if direction.is_none() {
-            let from = canonical[direction_of(from)].as_ref();
-            *direction = from.map(|from| from.reflected(bases, reflection));
-        }
-    }
-    (all, places)
+    (members.par_iter().map(|members| bases.group(members, &matrices)).collect(), places)
+}
+
+/// The bits of `set` at the places of `axes`, next to each other.
+fn compressed(set: u8, axes: u8) -> usize {
+    let bits = (0..3).filter(|axis| axes >> axis & 1 == 1).enumerate();
+    bits.fold(0, |all, (place, axis)| all | usize::from(set >> axis & 1) << place)
 }
 
 impl<S: Scalar> Bases<S> {
@@ -128,11 +152,13 @@ impl<S: Scalar> Bases<S> {
         (negative(0) | negative(1) | negative(2), image)
     }
 
-    fn canonical_direction(
-        &self,
-        members: &[[i32; 3]],
-        matrices: &OffsetMap<Matrix<S>>,
-    ) -> Canonical<S> {
+    /// The axes along which a direction and its reflections lie.
+    fn axes(&self, offset: [i32; 3]) -> u8 {
+        let along = |axis: usize| u8::from(self.reflected && offset[axis].abs() >= 2) << axis;
+        along(0) | along(1) | along(2)
+    }
+
+    fn group(&self, members: &[[i32; 3]], matrices: &OffsetMap<Matrix<S>>) -> Digits<S> {
         let signed = |&offset: &[i32; 3]| {
             let negative = |axis: usize| usize::from(offset[axis] < 0) << axis;
             let (reflection, stored) = match self.reflected {
@@ -154,50 +180,63 @@ impl<S: Scalar> Bases<S> {
         let spread = common_range(&matrices, &weights, self.target.rank(), self.cut);
         let right = common_range(&adjoints, &weights, self.source.rank(), self.cut);
         let (collect, left) = (adjoint(&right), adjoint(&spread));
-        let cores = matrices.iter().map(|c| product(&product(&left, c), &right));
+        let cores = matrices.iter().map(|c| product(&product(&left, c), &right)).collect();
         let size = matrices.iter().map(|c| norm_squared(&c.data)).fold(0.0, f64::max).sqrt();
         let single = size_of::<S>() > size_of::<S::Single>();
-        let cores = match single && SINGLE_ROUNDING * size <= ROUNDING_SHARE * self.cut {
-            true => {
-                let single = cores.map(|core| Batched::new(&core.map(S::to_single)));
-                Cores::Single(Arc::new(single.collect()))
-            }
-            false => Cores::Full(Arc::new(cores.map(|core| Batched::new(&core)).collect())),
-        };
-        Canonical { collect, spread, cores }
-    }
-}
-
-/// A direction from which others follow by reflection.
-struct Canonical<S: Scalar> {
-    collect: Matrix<S>,
-    spread: Matrix<S>,
-    cores: Cores<S>,
-}
-
-enum Cores<S: Scalar> {
-    Full(Arc<Vec<Batched<S>>>),
-    Single(Arc<Vec<Batched<S::Single>>>),
-}
-
-impl<S: Scalar> Canonical<S> {
-    fn reflected(&self, bases: &Bases<S>, reflection: usize) -> Digits<S> {
-        // Qᴴ has the source's functions along its columns.
-        let collect = with_column_signs(&self.collect, &bases.source.signs[reflection]);
-        let spread = with_row_signs(&self.spread, &bases.target.signs[reflection]);
-        match &self.cores {
-            Cores::Full(cores) => Digits::Full(Direction {
-                collect: Batched::new(&collect),
-                spread: Batched::new(&spread),
-                cores: Arc::clone(cores),
-            }),
-            Cores::Single(cores) => Digits::Single(Direction {
-                collect: Batched::new(&collect.map(S::to_single)),
-                spread: Batched::new(&spread.map(S::to_single)),
-                cores: Arc::clone(cores),
-            }),
+        let axes = self.axes(members[0]);
+        match single && SINGLE_ROUNDING * size <= ROUNDING_SHARE * self.cut {
+            true => Digits::Single(self.in_parts(axes, [&collect, &spread], cores, S::to_single)),
+            false => Digits::Full(self.in_parts(axes, [&collect, &spread], cores, |x| x)),
         }
     }
+
+    fn in_parts<R: Scalar>(
+        &self,
+        axes: u8,
+        [collect, spread]: [&Matrix<S>; 2],
+        cores: Vec<Matrix<S>>,
+        digits: impl Fn(S) -> R,
+    ) -> Group<R> {
+        let batched = |a: Matrix<S>| Batched::new(&a.map(&digits));
+        let columns = runs(&self.source, axes).into_iter().map(|(class, run)| {
+            let part =
+                Matrix::from_fn(collect.rows, run.len(), |i, j| collect.at(i, run.start + j));
+            Part { class, first: run.start, matrix: batched(part) }
+        });
+        let rows = runs(&self.target, axes).into_iter().map(|(class, run)| {
+            let part =
+                Matrix::from_fn(run.len(), spread.columns, |i, j| spread.at(run.start + i, j));
+            Part { class, first: run.start, matrix: batched(part) }
+        });
+        let ranks = [collect.rows, spread.columns];
+        Group {
+            axes,
+            collect: columns.collect(),
+            spread: rows.collect(),
+            cores: cores.into_iter().map(batched).collect(),
+            ranks,
+            heights: ranks.map(Batched::<R>::height_of),
+        }
+    }
+}
+
+/// The runs of functions of one parity class, with the class; each class has one at least.
+fn runs<S: Scalar>(basis: &Basis<S>, axes: u8) -> Vec<(usize, Range<usize>)> {
+    let mut runs: Vec<(usize, Range<usize>)> = Vec::new();
+    for block in &basis.blocks {
+        let class = compressed(block.parity, axes);
+        let end = block.first + block.functions.columns;
+        match runs.last_mut() {
+            Some((last, run)) if *last == class => run.end = end,
+            _ => runs.push((class, block.first..end)),
+        }
+    }
+    for class in 0..1 << axes.count_ones() {
+        if runs.iter().all(|(other, _)| *other != class) {
+            runs.push((class, 0..0));
+        }
+    }
+    runs
 }
 
 /// The share of a cut-off that each of the two sides of a direction may use up.
@@ -321,16 +360,6 @@ pub(crate) fn full_matrix<S: Scalar>(
     }
     let left = product(&target.skeleton.from_values, &values);
     product(&left, &source.skeleton.from_values.transpose())
-}
-
-/// A with signs on its columns.
-fn with_column_signs<S: Scalar>(a: &Matrix<S>, signs: &[S::Real]) -> Matrix<S> {
-    Matrix::from_fn(a.rows, a.columns, |i, j| a.at(i, j) * S::from_real(signs[j]))
-}
-
-/// A with signs on its rows.
-fn with_row_signs<S: Scalar>(a: &Matrix<S>, signs: &[S::Real]) -> Matrix<S> {
-    Matrix::from_fn(a.rows, a.columns, |i, j| a.at(i, j) * S::from_real(signs[i]))
 }
 
 #[cfg(test)]

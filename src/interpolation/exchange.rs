@@ -1,8 +1,11 @@
-//! What blocks of sources send in one direction, and what blocks of targets receive from it.
+//! What blocks of sources send in the directions of a group, and what blocks of targets receive from
+//! there.
 
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
-use crate::interpolation::directions::Direction;
+use pulp::{Arch, Simd, WithSimd};
+
+use crate::interpolation::directions::Group;
 use crate::probe::zero;
 use crate::real::Scalar;
 
@@ -19,12 +22,14 @@ pub(crate) struct Pair {
 /// Sources whose coordinates are computed together.
 pub(crate) const BLOCK: usize = 128;
 
-/// The coordinates of all sources in one direction: those of a block's sources one after the other.
+/// The coordinates of all sources in one precision. Those of a block's sources in the directions of one
+/// group stand together, source after source and direction after direction.
 pub(crate) struct Coordinates<'a, R> {
     pub(crate) all: &'a [R],
-    /// Where those of the first source start, and how far apart blocks are.
-    pub(crate) start: usize,
+    /// How many numbers a block of sources has.
     pub(crate) block_len: usize,
+    /// Where those of a group start.
+    pub(crate) start: usize,
 }
 
 /// What a task reads and writes in passing, in one precision.
@@ -34,10 +39,10 @@ pub(crate) struct Exchange<R> {
     multipoles: Vec<R>,
     /// What products read and write.
     places: Vec<[usize; 2]>,
-    /// What targets receive from one direction, and which of them do.
-    received: Vec<R>,
+    /// Which targets receive anything from a group, and what: by direction, then by parity class.
     receives: Vec<bool>,
-    /// What they receive from all directions; empty if that is nothing.
+    received: Vec<R>,
+    /// What they receive from all groups; empty if that is nothing.
     locals: Vec<R>,
 }
 
@@ -48,24 +53,38 @@ impl<R: Scalar> Exchange<R> {
         self.multipoles.extend(multipoles);
     }
 
-    /// y = Qᴴ m of the sources that the direction with this number is wanted of: a bit per source for
-    /// each direction.
+    /// y = Qᴴ m in all directions of a group, of which the first has this number, for the sources that
+    /// any of them is wanted of: a bit per source for each direction.
     pub(crate) fn send(
         &mut self,
-        number: usize,
-        Direction { collect, .. }: &Direction<R>,
+        first: usize,
+        group: &Group<R>,
         wanted: &[AtomicU32],
         columns: usize,
         sent: &mut [R],
     ) {
-        self.places.clear();
+        let Self { multipoles, places, .. } = self;
+        let (members, height) = (group.members(), group.heights[0]);
+        if group.ranks[0] == 0 {
+            return;
+        }
+        let from_len = multipoles.len() / (wanted.len() * columns);
+        let directions = ((1 << members) - 1) << first;
+        places.clear();
         for (i, wanted) in wanted.iter().enumerate() {
-            if wanted.load(Relaxed) >> number & 1 == 1 {
-                let columns = i * columns..(i + 1) * columns;
-                self.places.extend(columns.map(|k| [k * collect.columns, k * collect.height]));
+            if wanted.load(Relaxed) & directions != 0 {
+                for k in i * columns..(i + 1) * columns {
+                    places.push([k * from_len, k * members * height]);
+                }
             }
         }
-        collect.products(&self.places, false, &self.multipoles, sent);
+        for (k, part) in group.collect.iter().enumerate() {
+            let add = group.collect[..k].iter().any(|before| before.class == part.class);
+            let (from, to) = (&multipoles[part.first..], &mut sent[part.class * height..]);
+            part.matrix.products(places, add, from, to);
+        }
+        let starts = places.iter().map(|[_, y]| *y);
+        Arch::new().dispatch(Reflections { sums: sent, starts, members, len: height });
     }
 
     /// Forgets what targets have received.
@@ -73,55 +92,97 @@ impl<R: Scalar> Exchange<R> {
         self.locals.clear();
     }
 
-    /// l_t += P Σ W y for the pairs of one direction with `targets` targets, core by core.
+    /// l_t += P Σ W y for the pairs of a group with `targets` targets, core by core. `core_starts` are
+    /// the first cores of the group's directions, `to_len` the terms of a target per right-hand side.
     pub(crate) fn receive(
         &mut self,
-        Direction { collect, spread, cores }: &Direction<R>,
-        first_core: usize,
+        group: &Group<R>,
+        core_starts: &[usize],
         pairs: &[Pair],
         sent: &Coordinates<'_, R>,
-        [targets, columns]: [usize; 2],
+        [targets, columns, to_len]: [usize; 3],
     ) {
-        let Self { places, received, receives, locals, .. } = self;
-        if pairs.is_empty() || collect.rows == 0 || spread.columns == 0 {
+        let Self { places, receives, received, locals, .. } = self;
+        if pairs.is_empty() || group.ranks.contains(&0) {
             return;
         }
+        let members = group.members();
+        let [y_len, z_len] = group.heights.map(|height| members * height);
         receives.clear();
         receives.resize(targets, false);
-        pairs.iter().for_each(|pair| receives[usize::from(pair.target)] = true);
-        let len = cores[0].height;
         received.clear();
-        received.resize(targets * columns * len, zero::<R>());
+        received.resize(targets * columns * z_len, zero::<R>());
         for pairs in pairs.chunk_by(|a, b| a.core == b.core) {
+            let core = pairs[0].core as usize;
+            let member = core_starts[1..members].partition_point(|&start| start <= core);
             places.clear();
             for pair in pairs {
                 let (s, t) = (pair.source as usize, usize::from(pair.target));
-                let block = sent.start + s / BLOCK * sent.block_len;
-                places.extend((0..columns).map(|c| {
-                    let y = block + (s % BLOCK * columns + c) * collect.height;
-                    [y, (t * columns + c) * len]
-                }));
+                receives[t] = true;
+                let y = s / BLOCK * sent.block_len + s % BLOCK * columns * y_len;
+                for c in 0..columns {
+                    places.push([y + c * y_len, (t * columns + c) * z_len]);
+                }
             }
-            cores[pairs[0].core as usize - first_core].products(places, true, sent.all, received);
+            let from = &sent.all[sent.start + member * group.heights[0]..];
+            let to = &mut received[member * group.heights[1]..];
+            group.cores[core - core_starts[member]].products(places, true, from, to);
         }
         if locals.is_empty() {
-            locals.resize(targets * columns * spread.height, zero::<R>());
+            // Zeros are added beyond the rows of a matrix, after the last target as well.
+            let most = group.spread.iter().map(|part| part.matrix.height).max().unwrap_or(0);
+            locals.resize(targets * columns * to_len + most, zero::<R>());
         }
         places.clear();
         for t in (0..targets).filter(|&t| receives[t]) {
-            let columns = t * columns..(t + 1) * columns;
-            places.extend(columns.map(|k| [k * len, k * spread.height]));
+            for k in t * columns..(t + 1) * columns {
+                places.push([k * z_len, k * to_len]);
+            }
         }
-        spread.products(places, true, received, locals);
+        let starts = places.iter().map(|[z, _]| *z);
+        Arch::new().dispatch(Reflections {
+            sums: received,
+            starts,
+            members,
+            len: group.heights[1],
+        });
+        for part in &group.spread {
+            let from = &received[part.class * group.heights[1]..];
+            part.matrix.products(places, true, from, &mut locals[part.first..]);
+        }
     }
 
-    /// Adds what targets have received to their local expansions, `rank` terms per right-hand side.
-    pub(crate) fn leave<S: Scalar>(&self, rank: usize, to: &mut [S], leave: impl Fn(R) -> S) {
-        let columns = to.len() / rank;
-        let height = self.locals.len() / columns.max(1);
-        if height > 0 {
-            for (to, from) in to.chunks_exact_mut(rank).zip(self.locals.chunks_exact(height)) {
-                to.iter_mut().zip(from).for_each(|(l, &from)| *l += leave(from));
+    /// Adds what targets have received to their local expansions.
+    pub(crate) fn leave<S: Scalar>(&self, to: &mut [S], leave: impl Fn(R) -> S) {
+        to.iter_mut().zip(&self.locals).for_each(|(l, &from)| *l += leave(from));
+    }
+}
+
+/// From sums by parity class to sums by reflection, or back: Σ_c (−1)^|c ∧ r| s_c for every r, of
+/// `members` sums of `len` numbers from each start on.
+struct Reflections<'a, R, I> {
+    sums: &'a mut [R],
+    starts: I,
+    members: usize,
+    len: usize,
+}
+
+impl<R: Scalar, I: Iterator<Item = usize>> WithSimd for Reflections<'_, R, I> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<V: Simd>(self, _: V) {
+        for start in self.starts {
+            let sums = &mut self.sums[start..][..self.members * self.len];
+            let mut step = self.len;
+            while step < sums.len() {
+                for both in sums.chunks_exact_mut(2 * step) {
+                    let (even, odd) = both.split_at_mut(step);
+                    for (even, odd) in even.iter_mut().zip(odd) {
+                        (*even, *odd) = (*even + *odd, *even - *odd);
+                    }
+                }
+                step *= 2;
             }
         }
     }

@@ -5,9 +5,7 @@ use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use rayon::prelude::*;
 
 use crate::expansion::{LevelPairs, OffsetMap};
-use crate::interpolation::directions::{
-    Bases, DIRECTIONS, Digits, Direction, Place, direction_of, directions,
-};
+use crate::interpolation::directions::{Bases, Digits, Group, Part, Place, directions};
 use crate::interpolation::exchange::{BLOCK, Coordinates, Exchange, Pair};
 use crate::interpolation::means::{INTERACTION_OFFSETS, interaction_offsets, weight};
 use crate::pool::Pool;
@@ -17,17 +15,19 @@ use crate::real::Scalar;
 /// The M2L operators of cells of one size.
 #[derive(Debug)]
 pub(crate) struct Transfers<S: Scalar> {
-    directions: Vec<Option<Digits<S>>>,
+    groups: Vec<Digits<S>>,
+    /// Directions are numbered group by group: those of one from its entry up to the next.
+    firsts: Vec<usize>,
     places: OffsetMap<Place>,
     /// Places of offsets up to [`NEAR`], by [`near_index`].
     near: Vec<Option<Place>>,
-    /// Where each direction's coordinates stand among those of one cell, in its digits, filled up to
-    /// whole registers.
-    starts: [usize; DIRECTIONS],
+    /// Where each group's coordinates stand among those of one cell, in its digits, filled up to whole
+    /// registers.
+    starts: Vec<usize>,
     /// How many coordinates one cell has in all directions: in full digits, in single ones; likewise.
     coordinates: [usize; 2],
     /// How many cores the directions before one have.
-    core_starts: [usize; DIRECTIONS + 1],
+    core_starts: Vec<usize>,
     sent: Pool<Sent<S>>,
     buffers: Pool<Buffers<S>>,
 }
@@ -62,18 +62,19 @@ const TASK_BYTES: usize = 1 << 19;
 impl<S: Scalar> Transfers<S> {
     /// Operators for the given offsets.
     pub(crate) fn new(kernel: &Formula<'_, S>, bases: &Bases<S>, offsets: &[[i32; 3]]) -> Self {
-        let (directions, places) = directions(kernel, bases, offsets);
-        let (mut coordinates, mut starts) = ([0; 2], [0; DIRECTIONS]);
-        let mut core_starts = [0; DIRECTIONS + 1];
-        for (d, digits) in directions.iter().enumerate() {
-            let (kind, count, cores) = match digits {
-                None => (0, 0, 0),
-                Some(Digits::Full(own)) => (0, own.collect.height, own.cores.len()),
-                Some(Digits::Single(own)) => (1, own.collect.height, own.cores.len()),
+        let (groups, places) = directions(kernel, bases, offsets);
+        let (mut coordinates, mut starts) = ([0; 2], Vec::new());
+        let (mut firsts, mut core_starts) = (vec![0], vec![0]);
+        for digits in &groups {
+            let (kind, members, height, cores) = match digits {
+                Digits::Full(own) => (0, own.members(), own.heights[0], own.cores.len()),
+                Digits::Single(own) => (1, own.members(), own.heights[0], own.cores.len()),
             };
-            starts[d] = coordinates[kind];
-            coordinates[kind] += count;
-            core_starts[d + 1] = core_starts[d] + cores;
+            starts.push(coordinates[kind]);
+            coordinates[kind] += members * height;
+            let first_core = core_starts[core_starts.len() - 1];
+            core_starts.extend((1..=members).map(|member| first_core + member * cores));
+            firsts.push(firsts[firsts.len() - 1] + members);
         }
         let range = -NEAR..=NEAR;
         let mut near = Vec::new();
@@ -83,7 +84,7 @@ impl<S: Scalar> Transfers<S> {
             }
         }
         let (sent, buffers) = (Pool::default(), Pool::default());
-        Self { directions, places, near, starts, coordinates, core_starts, sent, buffers }
+        Self { groups, firsts, places, near, starts, coordinates, core_starts, sent, buffers }
     }
 
     /// The offsets that have an operator.
@@ -94,14 +95,13 @@ impl<S: Scalar> Transfers<S> {
     /// l += s C m for one pair of cells; whether the offset is known.
     pub(crate) fn add(&self, offset: [i32; 3], scale: S::Real, m: &[S], l: &mut [S]) -> bool {
         let Some(place) = self.find(offset) else { return false };
-        match &self.directions[usize::from(place.direction)] {
-            None => {}
-            Some(Digits::Full(direction)) => {
-                add_one(direction, place.core, m, l, |m| m, |l| l * S::from_real(scale));
+        match &self.groups[usize::from(place.group)] {
+            Digits::Full(group) => {
+                add_one(group, place, m, l, |m| m, |l| l * S::from_real(scale));
             }
-            Some(Digits::Single(direction)) => {
+            Digits::Single(group) => {
                 let leave = |l| S::from_single(l) * S::from_real(scale);
-                add_one(direction, place.core, m, l, S::to_single, leave);
+                add_one(group, place, m, l, S::to_single, leave);
             }
         }
         true
@@ -153,7 +153,8 @@ impl<S: Scalar> Transfers<S> {
         (0..pairs.targets.len()).into_par_iter().for_each(|t| {
             let target = &pairs.targets[t];
             for s in pairs.sources_of(t) {
-                let bit = 1 << direction_of(pairs.sources[s].offset_to(target));
+                let Some(place) = self.find(pairs.sources[s].offset_to(target)) else { continue };
+                let bit = 1 << self.direction(place);
                 if wanted[s].load(Relaxed) & bit == 0 {
                     wanted[s].fetch_or(bit, Relaxed);
                 }
@@ -174,15 +175,14 @@ impl<S: Scalar> Transfers<S> {
                 if self.coordinates[1] > 0 {
                     in_single.enter(multipoles.iter().map(|&m| m.to_single()));
                 }
-                for (d, digits) in self.directions.iter().enumerate() {
-                    let start = BLOCK * self.starts[d] * columns;
+                for (g, digits) in self.groups.iter().enumerate() {
+                    let (first, start) = (self.firsts[g], BLOCK * self.starts[g] * columns);
                     match digits {
-                        None => {}
-                        Some(Digits::Full(direction)) => {
-                            in_full.send(d, direction, wanted, columns, &mut full[start..]);
+                        Digits::Full(group) => {
+                            in_full.send(first, group, wanted, columns, &mut full[start..]);
                         }
-                        Some(Digits::Single(direction)) => {
-                            in_single.send(d, direction, wanted, columns, &mut single[start..]);
+                        Digits::Single(group) => {
+                            in_single.send(first, group, wanted, columns, &mut single[start..]);
                         }
                     }
                 }
@@ -202,29 +202,29 @@ impl<S: Scalar> Transfers<S> {
     ) {
         let mut rest = &sorted[..];
         let block_lens = self.coordinates.map(|count| BLOCK * count * columns);
-        let counts = [to.len() / to_len, columns];
+        let counts = [to.len() / to_len, columns, to_len / columns];
         full.start();
         single.start();
-        for (d, digits) in self.directions.iter().enumerate() {
-            let end = rest.partition_point(|p| (p.core as usize) < self.core_starts[d + 1]);
-            let (pairs, others) = rest.split_at(end);
+        for (g, digits) in self.groups.iter().enumerate() {
+            let core_starts = &self.core_starts[self.firsts[g]..=self.firsts[g + 1]];
+            let end = core_starts[core_starts.len() - 1];
+            let (pairs, others) = rest.split_at(rest.partition_point(|p| (p.core as usize) < end));
             rest = others;
-            let (first_core, start) = (self.core_starts[d], BLOCK * self.starts[d] * columns);
+            let start = BLOCK * self.starts[g] * columns;
             match digits {
-                None => {}
-                Some(Digits::Full(direction)) => {
+                Digits::Full(group) => {
                     let y = Coordinates { all: &sent.full, start, block_len: block_lens[0] };
-                    full.receive(direction, first_core, pairs, &y, counts);
+                    full.receive(group, core_starts, pairs, &y, counts);
                 }
-                Some(Digits::Single(direction)) => {
+                Digits::Single(group) => {
                     let y = Coordinates { all: &sent.single, start, block_len: block_lens[1] };
-                    single.receive(direction, first_core, pairs, &y, counts);
+                    single.receive(group, core_starts, pairs, &y, counts);
                 }
             }
         }
-        let (rank, scale) = (to_len / columns, S::from_real(scale));
-        full.leave(rank, to, |l| l * scale);
-        single.leave(rank, to, |l| S::from_single(l) * scale);
+        let scale = S::from_real(scale);
+        full.leave(to, |l| l * scale);
+        single.leave(to, |l| S::from_single(l) * scale);
     }
 
     /// The pairs of `count` targets from `first` on, core by core; calls `other(source, target)` for
@@ -239,13 +239,13 @@ impl<S: Scalar> Transfers<S> {
     ) {
         found.clear();
         starts.clear();
-        starts.resize(self.core_starts[DIRECTIONS] + 1, 0);
+        starts.resize(self.core_starts[self.core_starts.len() - 1] + 1, 0);
         for t in 0..count {
             let target = &pairs.targets[first + t];
             for s in pairs.sources_of(first + t) {
                 match self.find(pairs.sources[s].offset_to(target)) {
-                    Some(Place { direction, core }) => {
-                        let core = self.core_starts[usize::from(direction)] as u32 + core;
+                    Some(place) => {
+                        let core = self.core_starts[self.direction(place)] as u32 + place.core;
                         found.push(Pair { source: s as u32, target: t as u16, core });
                         starts[core as usize + 1] += 1;
                     }
@@ -271,31 +271,38 @@ impl<S: Scalar> Transfers<S> {
         }
     }
 
+    /// The number of a place's direction.
+    #[inline]
+    fn direction(&self, place: Place) -> usize {
+        self.firsts[usize::from(place.group)] + usize::from(place.member)
+    }
+
+    /// The coordinates y and z of a place's direction.
+    fn ranks(&self, place: Place) -> [usize; 2] {
+        match &self.groups[usize::from(place.group)] {
+            Digits::Full(group) => group.ranks,
+            Digits::Single(group) => group.ranks,
+        }
+    }
+
     /// Multiply-adds for one target cell in a uniform tree, its share of what sources send included.
     pub(crate) fn multiply_adds(&self) -> f64 {
-        let sizes = self.directions.iter().map(|digits| match digits {
-            None => [0; 4],
-            Some(Digits::Full(own)) => own.sizes(),
-            Some(Digits::Single(own)) => own.sizes(),
+        let sides = self.groups.iter().map(|digits| match digits {
+            Digits::Full(group) => group.side_multiply_adds(),
+            Digits::Single(group) => group.side_multiply_adds(),
         });
-        let sizes: Vec<[usize; 4]> = sizes.collect();
-        let sides = sizes.iter().map(|[from, y, z, to]| (from * y + z * to) as f64).sum::<f64>();
         let cores = interaction_offsets().map(|offset| {
-            let [_, y, z, _] = sizes[direction_of(offset)];
+            let [y, z] = self.find(offset).map_or([0; 2], |place| self.ranks(place));
             weight(offset) * (y * z) as f64
         });
-        sides + 189.0 / INTERACTION_OFFSETS as f64 * cores.sum::<f64>()
+        sides.sum::<usize>() as f64 + 189.0 / INTERACTION_OFFSETS as f64 * cores.sum::<f64>()
     }
 
     /// Mean number of coordinates of a direction, each offset counted.
     pub(crate) fn mean_rank(&self) -> f64 {
-        let rank = |place: &Place| match &self.directions[usize::from(place.direction)] {
-            None => 0,
-            Some(Digits::Full(direction)) => direction.collect.rows,
-            Some(Digits::Single(direction)) => direction.collect.rows,
-        };
-        let ranks: usize = self.places.values().iter().map(rank).sum();
-        ranks as f64 / self.places.values().len().max(1) as f64
+        let places = self.places.values();
+        let ranks: usize = places.iter().map(|&place| self.ranks(place)[0]).sum();
+        ranks as f64 / places.len().max(1) as f64
     }
 }
 
@@ -308,25 +315,41 @@ fn near_index(offset: [i32; 3]) -> Option<usize> {
 
 /// l += P W Qᴴ m for one pair.
 fn add_one<S: Scalar, R: Scalar>(
-    Direction { collect, spread, cores }: &Direction<R>,
-    core: u32,
+    group: &Group<R>,
+    place: Place,
     m: &[S],
     l: &mut [S],
     enter: impl Fn(S) -> R,
     leave: impl Fn(R) -> S,
 ) {
-    if collect.rows == 0 || spread.columns == 0 {
+    if group.ranks.contains(&0) {
         return;
     }
-    let core = &cores[core as usize];
-    let mut y = vec![zero::<R>(); collect.height];
-    let mut z = vec![zero::<R>(); core.height];
-    let mut out = vec![zero::<R>(); spread.height];
-    for (m, l) in m.chunks_exact(collect.columns).zip(l.chunks_exact_mut(spread.rows)) {
-        let m: Vec<R> = m.iter().map(|&m| enter(m)).collect();
-        collect.products(&[[0, 0]], false, &m, &mut y);
+    let core = &group.cores[place.core as usize];
+    let signed = |part: &Part<R>, x: R| {
+        let odd = (part.class & usize::from(place.member)).count_ones() % 2 == 1;
+        if odd { -x } else { x }
+    };
+    let len = |parts: &[Part<R>], of: fn(&Part<R>) -> usize| {
+        parts.iter().map(|part| part.first + of(part)).max().unwrap_or(1)
+    };
+    let from_len = len(&group.collect, |part| part.matrix.columns);
+    let to_len = len(&group.spread, |part| part.matrix.rows);
+    for (m, l) in m.chunks_exact(from_len).zip(l.chunks_exact_mut(to_len)) {
+        let mut y = vec![zero::<R>(); group.heights[0]];
+        for part in &group.collect {
+            let m = &m[part.first..][..part.matrix.columns];
+            let m: Vec<R> = m.iter().map(|&m| signed(part, enter(m))).collect();
+            part.matrix.products(&[[0, 0]], true, &m, &mut y);
+        }
+        let mut z = vec![zero::<R>(); group.heights[1]];
         core.products(&[[0, 0]], false, &y, &mut z);
-        spread.products(&[[0, 0]], false, &z, &mut out);
-        l.iter_mut().zip(&out).for_each(|(l, &out)| *l += leave(out));
+        for part in &group.spread {
+            let mut out = vec![zero::<R>(); part.matrix.height];
+            part.matrix.products(&[[0, 0]], false, &z, &mut out);
+            for (l, &out) in l[part.first..].iter_mut().zip(&out[..part.matrix.rows]) {
+                *l += leave(signed(part, out));
+            }
+        }
     }
 }
