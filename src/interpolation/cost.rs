@@ -21,13 +21,14 @@ pub(crate) fn leaf_size<S: Scalar>(
     };
     let rank = 4.0 * (digits + 1.0) * digits * components as f64;
     let by_direction = (0.27 * rank).max(4.0);
-    // A product per pair of cells, two per cell and direction, and the coordinates in and out.
-    let sides = 2.0 * 26.0 / 189.0 * rank * by_direction;
+    // A product per pair of cells, two per cell for the reflections of a direction, and the coordinates
+    // in and out.
+    let sides = 2.0 * 26.0 / 3.0 / 189.0 * rank * by_direction;
     let flops = 2.0 * (by_direction.powi(2) + sides) * if S::COMPLEX { 4.0 } else { 1.0 };
     let precision = (size_of::<S::Real>() as f64) / 8.0;
     let pair_of_cells =
         columns as f64 * precision * (flops / flop_rate() + 4.0 * by_direction * MOVE_SECONDS);
-    let far_per_leaf = 189.0 * 8.0 / 7.0 * pair_of_cells;
+    let far_per_leaf = 189.0 * 8.0 / 7.0 * (pair_of_cells + SORT_SECONDS);
     // A cell of s points is worth splitting into eight when 27 s² t + c > 27 s²/8 t + 8 c.
     let largest = (8.0 * far_per_leaf / (27.0 * pair_seconds)).sqrt();
     (largest as usize).clamp(16, 2048)
@@ -35,6 +36,9 @@ pub(crate) fn leaf_size<S: Scalar>(
 
 /// Seconds to read or write one number in a core's cache.
 const MOVE_SECONDS: f64 = 1.5e-10;
+
+/// Seconds to find the matrix of a pair of cells and to put the pair in order.
+const SORT_SECONDS: f64 = 2.5e-8;
 
 /// Floating-point operations per second of one core in products like those of M2L, measured once.
 fn flop_rate() -> f64 {
