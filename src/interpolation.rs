@@ -3,9 +3,6 @@
 use std::any::type_name;
 use std::fmt;
 
-use pulp::Arch;
-use rayon::prelude::*;
-
 use crate::chebyshev::Chebyshev;
 use crate::error::Error;
 use crate::expansion::{Expansion, Geometry, LevelFamilies, LevelPairs};
@@ -13,13 +10,14 @@ use crate::geometry::Cell;
 use crate::kernel::{Outcome, PointKernel};
 use crate::pool::Pool;
 use crate::probe::Formula;
-use crate::real::{Additive, Columns, Located, Point, Real, Scalar, Vector};
+use crate::real::{Columns, Point};
 
 mod basis;
 mod by_kernel;
 mod cache;
 mod check;
 mod cost;
+mod densities;
 mod directions;
 mod exchange;
 mod far_field;
@@ -33,10 +31,10 @@ mod shifts;
 mod transfer;
 
 use basis::Basis;
-use operators::{Accuracy, shift_in_place};
-use points::{Fields, Moments, Powers, row};
+use densities::Scratch;
+use operators::Accuracy;
 use prepared::{Everywhere, Prepared};
-use shifts::{Move, Shifted, TOGETHER};
+use shifts::Shifted;
 
 /// The far field of any [`PointKernel`]: interpolation at Chebyshev nodes (Fong and Darve, "The
 /// black-box fast multipole method", J. Comput. Phys. 228, 2009), reduced to the numerical rank of the
@@ -151,63 +149,6 @@ impl<K: PointKernel> Interpolation<K> {
             Prepared::Invariant(invariant) => &invariant.level(level).bases.target,
         }
     }
-
-    /// M2M, or L2L if `down`, between `child` and its parent.
-    fn shift(&self, child: &Cell<K::Real>, down: bool, from: &[K::Entry], to: &mut [K::Entry]) {
-        let octant = child.octant();
-        match &self.prepared {
-            Prepared::Everywhere(everywhere) => {
-                let mut shifted = from.to_vec();
-                shift_in_place(&everywhere.rule, octant, down, &mut shifted);
-                to.iter_mut().zip(shifted).for_each(|(to, term)| *to += term);
-            }
-            Prepared::Invariant(invariant) => {
-                let lens = [from.len(), to.len()];
-                self.shifted.with(Shifted::default, |shifted| {
-                    shifted.moves.clear();
-                    shifted.moves.push(Move { from: 0, to: 0, octant });
-                    invariant.add_shifts(child.level() - 1, down, lens, from, to, shifted);
-                });
-            }
-        }
-    }
-
-    /// How many real arrays one right-hand side of one component takes.
-    const PARTS: usize = points::parts::<K::Entry>();
-}
-
-/// What P2M and L2P write to in passing.
-struct Scratch<K: PointKernel> {
-    powers: Powers<K::Real>,
-    /// Positions in half-widths.
-    points: Vec<[K::Real; 3]>,
-    /// Densities or fields of all points, one array per column, part and component.
-    numbers: Vec<K::Real>,
-    /// Coefficients in padded arrays, likewise.
-    arrays: Vec<K::Real>,
-    /// Densities or fields of one point.
-    columns: Vec<K::Column>,
-    gradients: Vec<[K::Column; 3]>,
-    sums: Vec<K::Entry>,
-}
-
-impl<K: PointKernel> Scratch<K> {
-    fn new(n: usize) -> Self {
-        Self {
-            powers: Powers::new(n),
-            points: Vec::new(),
-            numbers: Vec::new(),
-            arrays: Vec::new(),
-            columns: vec![K::Column::zero(); K::FIELDS.max(K::DENSITIES)],
-            gradients: vec![[K::Column::zero(); 3]; if K::GRADIENT { K::FIELDS } else { 0 }],
-            sums: Vec::new(),
-        }
-    }
-
-    fn set_points<P: Located<Real = K::Real>>(&mut self, cell: &Cell<K::Real>, points: &[P]) {
-        self.points.clear();
-        self.points.extend(points.iter().map(|p| cell.normalised(p.position()).to_array()));
-    }
 }
 
 impl<K: PointKernel> Expansion for Interpolation<K> {
@@ -265,28 +206,7 @@ impl<K: PointKernel> Expansion for Interpolation<K> {
         charges: &[K::Charge],
         multipole: &mut [K::Entry],
     ) {
-        let n = self.rule().len();
-        let basis = self.source_basis(cell.level());
-        self.scratch.with(
-            || Scratch::new(n),
-            |scratch| {
-                scratch.set_points(cell, sources);
-                let Scratch { powers, points, numbers, arrays, columns, sums, .. } = scratch;
-                let count = K::Column::WIDTH * Self::PARTS * K::DENSITIES;
-                reset(numbers, count * sources.len());
-                for (j, (y, q)) in sources.iter().zip(charges).enumerate() {
-                    self.kernel.density(y, q, &mut columns[..K::DENSITIES]);
-                    for array in 0..count {
-                        let [column, part, component] = indices::<K>(array, K::DENSITIES);
-                        let number = columns[component].column(column).parts()[part];
-                        numbers[array * sources.len() + j] = number;
-                    }
-                }
-                reset(arrays, count * n * row(n));
-                let moments = Moments { basis, powers, points, numbers, arrays, sums, multipole };
-                Arch::new().dispatch(moments);
-            },
-        );
+        self.add_moments(cell, sources, charges, multipole);
     }
 
     fn m2m(
@@ -305,29 +225,7 @@ impl<K: PointKernel> Expansion for Interpolation<K> {
         from: &[K::Entry],
         to: &mut [K::Entry],
     ) {
-        let Prepared::Invariant(invariant) = &self.prepared else {
-            let len = self.multipole_len(families.level + 1);
-            return families.for_each_parent(to, |_, c, to| {
-                self.shift(&families.children[c], false, &from[c * len..][..len], to);
-            });
-        };
-        let level = families.level;
-        let lens = [self.multipole_len(level + 1), self.multipole_len(level)];
-        let parents = TOGETHER / 8;
-        to.par_chunks_mut((parents * lens[1]).max(1)).enumerate().for_each(|(task, to)| {
-            self.shifted.with(Shifted::default, |shifted| {
-                shifted.moves.clear();
-                for to in 0..to.len() / lens[1] {
-                    let children = families.children_of(task * parents + to);
-                    shifted.moves.extend(children.map(|from| Move {
-                        from,
-                        to,
-                        octant: families.children[from].octant(),
-                    }));
-                }
-                invariant.add_shifts(level, false, lens, from, to, shifted);
-            });
-        });
+        self.shift_up(families, from, to);
     }
 
     fn l2l_level(
@@ -336,24 +234,7 @@ impl<K: PointKernel> Expansion for Interpolation<K> {
         from: &[K::Entry],
         to: &mut [K::Entry],
     ) {
-        let lens = [self.local_len(families.level), self.local_len(families.level + 1)];
-        let Prepared::Invariant(invariant) = &self.prepared else {
-            return families.for_each_child(to, |p, c, to| {
-                let from = &from[p * lens[0]..][..lens[0]];
-                self.shift(&families.children[c], true, from, to);
-            });
-        };
-        to.par_chunks_mut((TOGETHER * lens[1]).max(1)).enumerate().for_each(|(task, to)| {
-            self.shifted.with(Shifted::default, |shifted| {
-                shifted.moves.clear();
-                shifted.moves.extend((0..to.len() / lens[1]).filter_map(|to| {
-                    let child = task * TOGETHER + to;
-                    let octant = families.children[child].octant();
-                    families.parent_of(child).map(|from| Move { from, to, octant })
-                }));
-                invariant.add_shifts(families.level, true, lens, from, to, shifted);
-            });
-        });
+        self.shift_down(families, from, to);
     }
 
     fn m2l(
@@ -411,49 +292,7 @@ impl<K: PointKernel> Expansion for Interpolation<K> {
         targets: &[K::Target],
         values: &mut [K::Value],
     ) {
-        let n = self.rule().len();
-        let basis = self.target_basis(cell.level());
-        self.scratch.with(
-            || Scratch::new(n),
-            |scratch| {
-                scratch.set_points(cell, targets);
-                let Scratch { powers, points, numbers, arrays, columns, gradients, .. } = scratch;
-                let count = K::Column::WIDTH * Self::PARTS * K::FIELDS;
-                let derivatives = if K::GRADIENT { 4 } else { 1 };
-                reset(arrays, count * n * row(n));
-                reset(numbers, count * derivatives * targets.len());
-                let gradient = K::GRADIENT;
-                let fields = Fields { basis, powers, points, numbers, arrays, local, gradient };
-                Arch::new().dispatch(fields);
-                let per_length = K::Real::from_f64(1.0) / cell.half_width();
-                for (i, (x, u)) in targets.iter().zip(values).enumerate() {
-                    let number = |array: usize, derivative: usize| {
-                        numbers[(array * derivatives + derivative) * targets.len() + i]
-                    };
-                    for component in 0..K::FIELDS {
-                        for column in 0..K::Column::WIDTH {
-                            let at = |derivative| {
-                                let array = column * Self::PARTS * K::FIELDS + component;
-                                let im = array + (Self::PARTS - 1) * K::FIELDS;
-                                K::Entry::from_parts(
-                                    number(array, derivative),
-                                    number(im, derivative),
-                                )
-                            };
-                            columns[component].set_column(column, at(0));
-                            if K::GRADIENT {
-                                for (axis, gradient) in gradients[component].iter_mut().enumerate()
-                                {
-                                    let slope = at(1 + axis) * K::Entry::from_real(per_length);
-                                    gradient.set_column(column, slope);
-                                }
-                            }
-                        }
-                    }
-                    self.kernel.value(x, &columns[..K::FIELDS], gradients, u);
-                }
-            },
-        );
+        self.add_values(cell, local, targets, values);
     }
 
     fn m2p(
@@ -476,19 +315,6 @@ impl<K: PointKernel> Expansion for Interpolation<K> {
         self.p2l_by_kernel(cell, sources, charges, local);
         Outcome::Done
     }
-}
-
-/// Zeros, `len` of them.
-fn reset<V: Additive>(numbers: &mut Vec<V>, len: usize) {
-    numbers.clear();
-    numbers.resize(len, V::zero());
-}
-
-/// Column, part and component of an array.
-#[inline(always)]
-fn indices<K: PointKernel>(array: usize, components: usize) -> [usize; 3] {
-    let parts = Interpolation::<K>::PARTS;
-    [array / components / parts, array / components % parts, array % components]
 }
 
 impl<K: PointKernel> fmt::Debug for Interpolation<K> {

@@ -1,5 +1,8 @@
 //! One small matrix times many vectors that lie anywhere: no vector is copied together before, none
 //! apart after.
+//!
+//! For matrices of 10 to 100 rows, as in M2L, the copies cost as much as the products: without them it is
+//! 1.3 to 2 times as fast as a general product, which serves larger matrices better.
 
 use num_complex::Complex;
 use pulp::{Simd, WithSimd};

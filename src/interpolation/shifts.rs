@@ -1,7 +1,14 @@
 //! M2M and L2L of many cells at once: one matrix product per matrix, whatever the number of cells.
 
+use rayon::prelude::*;
+
 use crate::dense::Matrix;
-use crate::interpolation::prepared::Invariant;
+use crate::expansion::{Expansion, LevelFamilies};
+use crate::geometry::Cell;
+use crate::interpolation::Interpolation;
+use crate::interpolation::operators::shift_in_place;
+use crate::interpolation::prepared::{Invariant, Prepared};
+use crate::kernel::PointKernel;
 use crate::probe::zero;
 use crate::real::Scalar;
 
@@ -32,6 +39,93 @@ pub(crate) struct Shifted<S> {
 
 /// Cells that are shifted together: enough to make a product worth while, few enough for a cache.
 pub(crate) const TOGETHER: usize = 96;
+
+impl<K: PointKernel> Interpolation<K> {
+    /// M2M, or L2L if `down`, between `child` and its parent.
+    pub(super) fn shift(
+        &self,
+        child: &Cell<K::Real>,
+        down: bool,
+        from: &[K::Entry],
+        to: &mut [K::Entry],
+    ) {
+        let octant = child.octant();
+        match &self.prepared {
+            Prepared::Everywhere(everywhere) => {
+                let mut shifted = from.to_vec();
+                shift_in_place(&everywhere.rule, octant, down, &mut shifted);
+                to.iter_mut().zip(shifted).for_each(|(to, term)| *to += term);
+            }
+            Prepared::Invariant(invariant) => {
+                let lens = [from.len(), to.len()];
+                self.shifted.with(Shifted::default, |shifted| {
+                    shifted.moves.clear();
+                    shifted.moves.push(Move { from: 0, to: 0, octant });
+                    invariant.add_shifts(child.level() - 1, down, lens, from, to, shifted);
+                });
+            }
+        }
+    }
+
+    /// M2M of a level.
+    pub(super) fn shift_up(
+        &self,
+        families: &LevelFamilies<'_, K::Real>,
+        from: &[K::Entry],
+        to: &mut [K::Entry],
+    ) {
+        let Prepared::Invariant(invariant) = &self.prepared else {
+            let len = self.multipole_len(families.level + 1);
+            return families.for_each_parent(to, |_, c, to| {
+                self.shift(&families.children[c], false, &from[c * len..][..len], to);
+            });
+        };
+        let level = families.level;
+        let lens = [self.multipole_len(level + 1), self.multipole_len(level)];
+        let parents = TOGETHER / 8;
+        to.par_chunks_mut((parents * lens[1]).max(1)).enumerate().for_each(|(task, to)| {
+            self.shifted.with(Shifted::default, |shifted| {
+                shifted.moves.clear();
+                for to in 0..to.len() / lens[1] {
+                    let children = families.children_of(task * parents + to);
+                    shifted.moves.extend(children.map(|from| Move {
+                        from,
+                        to,
+                        octant: families.children[from].octant(),
+                    }));
+                }
+                invariant.add_shifts(level, false, lens, from, to, shifted);
+            });
+        });
+    }
+
+    /// L2L of a level.
+    pub(super) fn shift_down(
+        &self,
+        families: &LevelFamilies<'_, K::Real>,
+        from: &[K::Entry],
+        to: &mut [K::Entry],
+    ) {
+        let lens = [self.local_len(families.level), self.local_len(families.level + 1)];
+        let Prepared::Invariant(invariant) = &self.prepared else {
+            return families.for_each_child(to, |p, c, to| {
+                let from = &from[p * lens[0]..][..lens[0]];
+                self.shift(&families.children[c], true, from, to);
+            });
+        };
+        to.par_chunks_mut((TOGETHER * lens[1]).max(1)).enumerate().for_each(|(task, to)| {
+            self.shifted.with(Shifted::default, |shifted| {
+                shifted.moves.clear();
+                shifted.moves.extend((0..to.len() / lens[1]).filter_map(|to| {
+                    let child = task * TOGETHER + to;
+                    let octant = families.children[child].octant();
+                    families.parent_of(child).map(|from| Move { from, to, octant })
+                }));
+                invariant.add_shifts(families.level, true, lens, from, to, shifted);
+            });
+        });
+    }
+}
 
 impl<S: Scalar> Invariant<S> {
     /// M2M, or L2L if `down`, between cells of `level` and the next: all of `shifted.moves`, for cells
