@@ -198,7 +198,9 @@ impl<S: Scalar> Basis<S> {
                 }),
             );
             block.transposed.product::<V>(sums, |first, own| {
-                m[first..].iter_mut().zip(own).for_each(|(m, &own)| *m += own);
+                for (m, &own) in m[first..].iter_mut().zip(own) {
+                    *m += own;
+                }
             });
         }
     }

@@ -1,5 +1,8 @@
 //! P2M and L2P in polynomials: P2M runs along padded rows of coefficients, L2P along points.
 //!
+//! What is not inlined into the function that `pulp` compiles for the machine runs without its registers;
+//! hence loops where closures would be shorter.
+//!
 //! The array of one column of right-hand sides holds the coefficient of T̂_i(x) T̂_j(y) T̂_k(z) at
 //! i · [`row`]`(n)` + j · n + k.
 
@@ -171,7 +174,9 @@ impl<T: Real> Powers<T> {
                 for (part, sums) in sums[..parts].iter().enumerate() {
                     let fields = &mut fields[(c * parts + part) * count + chunk * LANES..];
                     let fields = &mut fields[..side_by_side.len()];
-                    fields.iter_mut().zip(sums).for_each(|(field, &sum)| *field += sum);
+                    for (field, &sum) in fields.iter_mut().zip(sums) {
+                        *field += sum;
+                    }
                 }
             }
         }
@@ -182,7 +187,10 @@ impl<T: Real> Powers<T> {
     fn set(&mut self, points: &[[T; 3]], slopes: bool) {
         let n = self.n;
         for axis in 0..3 {
-            let at: [T; LANES] = std::array::from_fn(|p| points[p.min(points.len() - 1)][axis]);
+            let mut at = [T::from_f64(0.0); LANES];
+            for (p, at) in at.iter_mut().enumerate() {
+                *at = points[p.min(points.len() - 1)][axis];
+            }
             polynomials_in_lanes(&at, &mut self.values[axis][..n]);
             if slopes {
                 derivatives_in_lanes(&at, &mut self.slopes[axis][..n]);
@@ -202,7 +210,9 @@ impl<T: Real> Powers<T> {
             }
             let mut of_point = [[T::from_f64(0.0); MAX_ORDER]; LANES];
             for (k, z) in z[..n].iter().enumerate() {
-                of_point.iter_mut().zip(z).for_each(|(to, &z)| to[k] = z);
+                for (to, &z) in of_point.iter_mut().zip(z) {
+                    to[k] = z;
+                }
             }
             for (p, z) in of_point[..side_by_side.len()].iter().enumerate() {
                 // Whole registers: what is written too far is a zero or overwritten by the next.
@@ -222,36 +232,22 @@ impl<T: Real> Powers<T> {
     #[inline(always)]
     fn fields<V: Simd, const GRADIENT: bool>(&self, coefficients: &[T]) -> [[T; LANES]; 4] {
         let (n, row) = (self.n, row(self.n));
-        let [x, y, z] = self.values.each_ref().map(|values| &values[..n]);
-        let [dx, dy, dz] = self.slopes.each_ref().map(|slopes| &slopes[..n]);
+        let [x, y, z] = &self.values;
+        let [dx, dy, dz] = &self.slopes;
+        let (y, z, dy, dz) = (&y[..n], &z[..n], &dy[..n], &dz[..n]);
         let zero = [T::from_f64(0.0); LANES];
         let mut sums = [zero; 4];
         for (i, plane) in coefficients.chunks_exact(row).enumerate() {
             // Σ_jk c_ijk T̂_j(y) T̂_k(z), with T̂_j'(y), with T̂_k'(z)
             let mut along = [zero; 3];
-            let mut add = |j: usize, over_z: &[T; LANES], slope: &[T; LANES]| {
-                fuse::<V, T>(over_z, &y[j], &mut along[0]);
-                if GRADIENT {
-                    fuse::<V, T>(over_z, &dy[j], &mut along[1]);
-                    fuse::<V, T>(slope, &y[j], &mut along[2]);
-                }
-            };
-            for j in (0..n).step_by(ROWS) {
-                if let Some(c) = plane.get(j * n..(j + ROWS) * n).filter(|_| j + ROWS <= n) {
-                    let over_z = over_rows::<V, T, ROWS>(c, z);
-                    let slopes = if GRADIENT { over_rows::<V, T, ROWS>(c, dz) } else { over_z };
-                    (0..ROWS).for_each(|r| add(j + r, &over_z[r], &slopes[r]));
-                } else {
-                    for j in j..n {
-                        let [over_z] = over_rows::<V, T, 1>(&plane[j * n..], z);
-                        let [slope] = if GRADIENT {
-                            over_rows::<V, T, 1>(&plane[j * n..], dz)
-                        } else {
-                            [over_z]
-                        };
-                        add(j, &over_z, &slope);
-                    }
-                }
+            let mut j = 0;
+            while j + ROWS <= n {
+                along_rows::<V, T, ROWS, GRADIENT>(&plane[j * n..], j, [y, dy, z, dz], &mut along);
+                j += ROWS;
+            }
+            while j < n {
+                along_rows::<V, T, 1, GRADIENT>(&plane[j * n..], j, [y, dy, z, dz], &mut along);
+                j += 1;
             }
             fuse::<V, T>(&along[0], &x[i], &mut sums[0]);
             if GRADIENT {
@@ -290,11 +286,34 @@ fn add_rows<V: Simd, T: Real, const R: usize>(
     }
 }
 
+/// Adds R rows of coefficients from the j-th on, times T̂_j(y) T̂_k(z), T̂_j'(y) T̂_k(z) and
+/// T̂_j(y) T̂_k'(z).
+#[inline(always)]
+fn along_rows<V: Simd, T: Real, const R: usize, const GRADIENT: bool>(
+    c: &[T],
+    j: usize,
+    [y, dy, z, dz]: [&[[T; LANES]]; 4],
+    along: &mut [[T; LANES]; 3],
+) {
+    let over_z = over_rows::<V, T, R>(c, z);
+    let slopes = if GRADIENT { over_rows::<V, T, R>(c, dz) } else { over_z };
+    for r in 0..R {
+        fuse::<V, T>(&over_z[r], &y[j + r], &mut along[0]);
+        if GRADIENT {
+            fuse::<V, T>(&over_z[r], &dy[j + r], &mut along[1]);
+            fuse::<V, T>(&slopes[r], &y[j + r], &mut along[2]);
+        }
+    }
+}
+
 /// Σ_k c_rk z_k for some rows of coefficients, at every lane.
 #[inline(always)]
 fn over_rows<V: Simd, T: Real, const R: usize>(c: &[T], z: &[[T; LANES]]) -> [[T; LANES]; R] {
     let n = z.len();
-    let rows: [&[T]; R] = std::array::from_fn(|r| &c[r * n..][..n]);
+    let mut rows = [&c[..n]; R];
+    for (r, row) in rows.iter_mut().enumerate() {
+        *row = &c[r * n..][..n];
+    }
     let mut sums = [[T::from_f64(0.0); LANES]; R];
     for (k, z) in z.iter().enumerate() {
         for (sum, row) in sums.iter_mut().zip(&rows) {
@@ -307,5 +326,7 @@ fn over_rows<V: Simd, T: Real, const R: usize>(c: &[T], z: &[[T; LANES]]) -> [[T
 /// y z for one register of z.
 #[inline(always)]
 fn multiply<T: Real>(y: T, z: &[T], to: &mut [T]) {
-    to[..LANES].iter_mut().zip(&z[..LANES]).for_each(|(to, &z)| *to = y * z);
+    for (to, &z) in to[..LANES].iter_mut().zip(&z[..LANES]) {
+        *to = y * z;
+    }
 }
