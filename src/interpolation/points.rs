@@ -330,3 +330,73 @@ fn multiply<T: Real>(y: T, z: &[T], to: &mut [T]) {
         *to = y * z;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::chebyshev::polynomials;
+    use pulp::{Arch, Scalar as Plain};
+
+    /// Moments of unit densities, then fields and derivatives of `coefficients`.
+    struct Both<'a>(usize, &'a [[f64; 3]], &'a [f64]);
+
+    impl WithSimd for Both<'_> {
+        type Output = [Vec<f64>; 2];
+
+        #[inline(always)]
+        fn with_simd<V: Simd>(self, _: V) -> [Vec<f64>; 2] {
+            let Self(n, points, coefficients) = self;
+            let mut powers = Powers::new(n);
+            let (mut moments, mut fields) = (vec![0.0; n * row(n)], vec![0.0; 4 * points.len()]);
+            powers.add_moments::<V>(points, &vec![1.0; points.len()], &mut moments);
+            powers.add_fields::<V>(points, coefficients, true, &mut fields);
+            [moments, fields]
+        }
+    }
+
+    /// T̂_i(x), or its derivative, as plain numbers.
+    fn at(n: usize, x: f64, slope: bool) -> Vec<f64> {
+        let mut values = vec![0.0; n];
+        match slope {
+            false => polynomials(x, &mut values),
+            true => derivatives_in_lanes(&[x], values.as_chunks_mut().0),
+        }
+        values
+    }
+
+    #[test]
+    fn sums_over_points_are_those_of_the_polynomials() {
+        for (n, count) in [(1, 1), (2, 5), (4, 8), (7, 9), (8, 33), (9, 3), (13, 65), (16, 31)] {
+            let place = |i: usize, j: usize, k: usize| i * row(n) + j * n + k;
+            let number = |k: usize| (0.7 * (k + 1) as f64).sin();
+            let points: Vec<[f64; 3]> =
+                (0..count).map(|p| [number(3 * p), number(3 * p + 1), number(3 * p + 2)]).collect();
+            let coefficients: Vec<f64> = (0..n * row(n)).map(number).collect();
+            let (mut moments, mut fields) = (vec![0.0; n * row(n)], vec![0.0; 4 * count]);
+            for (p, point) in points.iter().enumerate() {
+                for part in 0..4 {
+                    let [x, y, z]: [Vec<f64>; 3] =
+                        std::array::from_fn(|axis| at(n, point[axis], part == axis + 1));
+                    for (i, x) in x.iter().enumerate() {
+                        for (j, y) in y.iter().enumerate() {
+                            for (k, z) in z.iter().enumerate() {
+                                let product = x * y * z;
+                                fields[part * count + p] += product * coefficients[place(i, j, k)];
+                                if part == 0 {
+                                    moments[place(i, j, k)] += product;
+                                }
+                            }
+                        }
+                    }
+                }
+            }
+            let both = || Both(n, &points, &coefficients);
+            for got in [Arch::new().dispatch(both()), Simd::vectorize(Plain, both())] {
+                for (got, exact) in got.iter().zip([&moments, &fields]) {
+                    let error = crate::relative_l2_error(got, exact);
+                    assert!(error < 1e-13, "order {n}, {count} points: {error:e}");
+                }
+            }
+        }
+    }
+}
