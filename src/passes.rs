@@ -9,15 +9,13 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 use rayon::prelude::*;
 
-use crate::expansion::{
-    ChargeOf, Expansion, LevelFamilies, LevelPairs, RealOf, SourceOf, TargetOf, ValueOf,
-};
+use crate::expansion::{ChargeOf, Expansion, LevelPairs, RealOf, SourceOf, TargetOf, ValueOf};
 use crate::kernel::{Kernel, Outcome};
 use crate::layout::Layout;
 use crate::lists::Lists;
 use crate::near::{Gathered, Near};
 use crate::pool::Pool;
-use crate::real::{Additive, Real};
+use crate::real::Additive;
 use crate::times::{ApplyTimes, Clock};
 use crate::tree::Tree;
 
@@ -205,7 +203,7 @@ impl<E: Expansion> Plan<E> {
         let tree = &self.source_tree;
         for level in (1..tree.shape.levels()).rev() {
             let (above, below) = workspace.multipoles.split_at_mut(level);
-            let families = families(tree, level - 1, &self.layout.multipole);
+            let families = tree.families(level - 1, &self.layout.multipole);
             let to = &mut above[level - 1];
             cells_mut(to, self.expansion.multipole_len(level - 1)).for_each(|(p, multipole)| {
                 if !families.children_of(p).is_empty() {
@@ -247,7 +245,7 @@ impl<E: Expansion> Plan<E> {
         let (sources, targets) = (&self.source_tree, &self.target_tree);
         let (above, tail) = locals.split_at_mut(level);
         if let Some(above) = above.last() {
-            let families = families(targets, level - 1, &self.layout.local);
+            let families = targets.families(level - 1, &self.layout.local);
             self.expansion.l2l_level(&families, above, &mut tail[0]);
         }
         let p2l = &self.lists.p2l;
@@ -383,24 +381,6 @@ impl<E: Expansion> Far<'_, E> {
         let (ys, qs) = (&self.plan.sources[points.clone()], &self.charges[points]);
         let expansion = &self.plan.expansion;
         expansion.kernel().add_block(xs, ys, qs, expansion.pair_tolerance(), us);
-    }
-}
-
-/// The cells of a level and of the next.
-fn families<'a, T: Real>(
-    tree: &'a Tree<T>,
-    level: usize,
-    expanded: &'a [bool],
-) -> LevelFamilies<'a, T> {
-    let [parents, children] = [tree.shape.level(level), tree.shape.level(level + 1)];
-    LevelFamilies {
-        level,
-        parents: &tree.cells[parents.clone()],
-        children: &tree.cells[children.clone()],
-        nodes: &tree.shape.nodes,
-        first_parent: parents.start,
-        first_child: children.start,
-        expanded,
     }
 }
 

@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use crate::error::{Error, PointSet};
+use crate::expansion::LevelFamilies;
 use crate::geometry::{Cell, Cube, MAX_LEVEL};
 use crate::morton::{Keyed, coordinates, morton_key};
 use crate::real::{Additive, Located, Point, Real, Vector};
@@ -36,6 +37,24 @@ impl<T: Real> Tree<T> {
         };
         let cells = shape.nodes.par_iter().zip(&keys).map(cell).collect();
         Self { shape, cells }
+    }
+
+    /// The cells of a level and of the next; `expanded` says for every cell whether it has an expansion.
+    pub(crate) fn families<'a>(
+        &'a self,
+        level: usize,
+        expanded: &'a [bool],
+    ) -> LevelFamilies<'a, T> {
+        let [parents, children] = [self.shape.level(level), self.shape.level(level + 1)];
+        LevelFamilies {
+            level,
+            parents: &self.cells[parents.clone()],
+            children: &self.cells[children.clone()],
+            nodes: &self.shape.nodes,
+            first_parent: parents.start,
+            first_child: children.start,
+            expanded,
+        }
     }
 
     /// Its size in memory.

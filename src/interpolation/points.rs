@@ -186,14 +186,16 @@ impl<T: Real> Powers<T> {
     #[inline(always)]
     fn set(&mut self, points: &[[T; 3]], slopes: bool) {
         let n = self.n;
-        for axis in 0..3 {
+        for (axis, (values, derivatives)) in
+            self.values.iter_mut().zip(&mut self.slopes).enumerate()
+        {
             let mut at = [T::from_f64(0.0); LANES];
             for (p, at) in at.iter_mut().enumerate() {
                 *at = points[p.min(points.len() - 1)][axis];
             }
-            polynomials_in_lanes(&at, &mut self.values[axis][..n]);
+            polynomials_in_lanes(&at, &mut values[..n]);
             if slopes {
-                derivatives_in_lanes(&at, &mut self.slopes[axis][..n]);
+                derivatives_in_lanes(&at, &mut derivatives[..n]);
             }
         }
     }

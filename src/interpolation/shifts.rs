@@ -23,22 +23,22 @@ pub(crate) struct Shift<'a, S: Scalar> {
 
 /// One cell's shift, from terms to terms of two arrays.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Move {
-    pub(crate) from: usize,
-    pub(crate) to: usize,
-    pub(crate) octant: usize,
+struct Move {
+    from: usize,
+    to: usize,
+    octant: usize,
 }
 
 /// What shifts write to in passing.
 #[derive(Debug, Default)]
 pub(crate) struct Shifted<S> {
-    pub(crate) moves: Vec<Move>,
+    moves: Vec<Move>,
     x: Vec<S>,
     z: Vec<S>,
 }
 
 /// Cells that are shifted together: enough to make a product worth while, few enough for a cache.
-pub(crate) const TOGETHER: usize = 96;
+const TOGETHER: usize = 96;
 
 impl<K: PointKernel> Interpolation<K> {
     /// M2M, or L2L if `down`, between `child` and its parent.
@@ -139,26 +139,26 @@ impl<S: Scalar> Invariant<S> {
         to: &mut [S],
         Shifted { moves, x, z }: &mut Shifted<S>,
     ) {
-        let shift = |it: &Move| self.shift(level, it.octant, down);
-        moves.sort_by_key(|it| shift(it).index);
+        let shift = |one: &Move| self.shift(level, one.octant, down);
+        moves.sort_by_key(|one| shift(one).index);
         for moves in moves.chunk_by(|a, b| shift(a).index == shift(b).index) {
             let matrix = shift(&moves[0]).matrix;
             if matrix.rows == 0 || matrix.columns == 0 {
                 continue;
             }
             x.clear();
-            for it in moves {
-                let signs = shift(it).signs[0];
-                let terms = &from[it.from * lens[0]..][..lens[0]];
+            for one in moves {
+                let signs = shift(one).signs[0];
+                let terms = &from[one.from * lens[0]..][..lens[0]];
                 for column in terms.chunks_exact(signs.len()) {
                     x.extend(column.iter().zip(signs).map(|(&x, &sign)| x * S::from_real(sign)));
                 }
             }
             z.resize(moves.len() * lens[1], zero::<S>());
             S::product(matrix, x, false, z);
-            for (it, z) in moves.iter().zip(z.chunks_exact(lens[1])) {
-                let signs = shift(it).signs[1];
-                let terms = &mut to[it.to * lens[1]..][..lens[1]];
+            for (one, z) in moves.iter().zip(z.chunks_exact(lens[1])) {
+                let signs = shift(one).signs[1];
+                let terms = &mut to[one.to * lens[1]..][..lens[1]];
                 for (column, z) in
                     terms.chunks_exact_mut(signs.len()).zip(z.chunks_exact(signs.len()))
                 {
