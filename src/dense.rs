@@ -53,12 +53,10 @@ impl<S: Copy> Matrix<S> {
     }
 }
 
-/// A factorisation A = U diag(σ) V^H with orthonormal columns, σ descending.
+/// The left half of a factorisation A = U diag(σ) V^H with orthonormal columns, σ descending.
 pub struct Svd<S> {
     pub(crate) u: Matrix<S>,
     pub(crate) sigma: Vec<f64>,
-    /// V^H
-    pub(crate) v_h: Matrix<S>,
 }
 
 /// Numbers that dense matrices can be made of: f32, f64 and the complex numbers over them.
@@ -123,11 +121,7 @@ macro_rules! dense {
                 let a = a.map($widen);
                 let svd = view(&a).thin_svd().ok()?;
                 let sigma = svd.S().column_vector().iter().map(|&s| Complex::from(s).re);
-                Some(Svd {
-                    u: owned(svd.U()).map($narrow),
-                    sigma: sigma.collect(),
-                    v_h: owned(svd.V().adjoint().to_owned().as_ref()).map($narrow),
-                })
+                Some(Svd { u: owned(svd.U()).map($narrow), sigma: sigma.collect() })
             }
 
             fn pivoted_qr(a: &Matrix<Self>) -> (Matrix<Self>, Matrix<Self>, Vec<usize>) {
@@ -205,10 +199,19 @@ mod tests {
     #[test]
     fn factors_multiply_to_the_matrix() {
         let a = sample(5, 3);
-        let Svd { u, sigma, v_h } = Dense::svd(&a).unwrap();
+        let Svd { u, sigma } = Dense::svd(&a).unwrap();
         assert!(sigma.is_sorted_by(|a, b| a >= b));
-        let scaled = Matrix::from_fn(5, 3, |i, j| u.at(i, j) * sigma[j]);
-        assert_close(&product(&scaled, &v_h), &a);
+        // diag(σ) V^H = U^H A: its rows are orthogonal and as long as σ, and U takes it back to A.
+        let adjoint = |a: &Matrix<Complex<f64>>| a.transpose().map(|x| x.conj());
+        let rows = product(&adjoint(&u), &a);
+        assert_close(&product(&u, &rows), &a);
+        let squares =
+            Matrix::from_fn(
+                3,
+                3,
+                |i, j| if i == j { sigma[i].powi(2).into() } else { Complex::ZERO },
+            );
+        assert_close(&product(&rows, &adjoint(&rows)), &squares);
 
         let (q, r, order) = Dense::pivoted_qr(&a);
         assert_close(&product(&q, &r), &Matrix::from_fn(5, 3, |i, j| a.at(i, order[j])));

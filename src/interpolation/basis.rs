@@ -99,7 +99,7 @@ impl<S: Scalar> Spectrum<S> {
             let rows = Matrix::from_fn(coefficients.len(), columns.columns, |i, j| {
                 columns.at(coefficients[i] as usize, j)
             });
-            let Some(Svd { u, sigma, .. }) = S::svd(&rows) else {
+            let Some(Svd { u, sigma }) = S::svd(&rows) else {
                 return Some(Err(Error::NonFiniteKernel));
             };
             let sigma = sigma.into_iter().map(|s| s * per_sample).collect();

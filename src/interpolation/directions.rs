@@ -91,11 +91,10 @@ pub(crate) struct Place {
 }
 
 /// Directions are numbered by their signs in base three, with one for no direction at all.
-pub(crate) const DIRECTIONS: usize = 27;
+const DIRECTIONS: usize = 27;
 
 /// The number of an offset's direction.
-#[inline(always)]
-pub(crate) fn direction_of(offset: [i32; 3]) -> usize {
+fn direction_of(offset: [i32; 3]) -> usize {
     let sign = |o: i32| if o >= 2 { 2 } else { usize::from(o > -2) };
     (sign(offset[0]) * 3 + sign(offset[1])) * 3 + sign(offset[2])
 }
@@ -270,7 +269,7 @@ fn common_range<S: Scalar>(
     let squares: f64 = weights.iter().map(|weight| weight * weight).sum();
     let cut = SIDE_SHARE * cut * (squares * rows as f64).sqrt();
     match decompose(&sketch, cut) {
-        Some(Svd { u, sigma, .. }) => {
+        Some(Svd { u, sigma }) => {
             let rank = len_without_tail(sigma.len(), cut, |i| sigma[i] * sigma[i]);
             u.corner(u.rows, rank)
         }
@@ -298,33 +297,24 @@ impl Random {
 }
 
 /// The singular value decomposition of all of C that exceeds a tenth of `cut`; none if it fails.
-pub(crate) fn decompose<S: Scalar>(c: &Matrix<S>, cut: f64) -> Option<Svd<S>> {
+fn decompose<S: Scalar>(c: &Matrix<S>, cut: f64) -> Option<Svd<S>> {
     if c.rows == 0 || c.columns == 0 {
-        return Some(Svd { u: c.clone(), sigma: Vec::new(), v_h: c.clone() });
+        return Some(Svd { u: c.clone(), sigma: Vec::new() });
     }
-    // Pivoted elimination first: the decomposition proper then has few rows.
-    let (q, r, order) = S::pivoted_qr(c);
+    // Pivoted elimination first: the decomposition proper then has few rows. The order of columns is
+    // nothing to left singular vectors.
+    let (q, r, _) = S::pivoted_qr(c);
     let row = |i: usize| (0..r.columns).map(|j| r.at(i, j).norm_squared()).sum::<f64>();
     let kept = len_without_tail(r.rows, 0.1 * cut, row);
     if kept == 0 {
-        return Some(Svd {
-            u: q.corner(q.rows, 0),
-            sigma: Vec::new(),
-            v_h: c.corner(0, c.columns),
-        });
+        return Some(Svd { u: q.corner(q.rows, 0), sigma: Vec::new() });
     }
-    let mut r_of_c = Matrix::from_fn(kept, c.columns, |_, _| zero::<S>());
-    for (j, &column) in order.iter().enumerate() {
-        for i in 0..kept {
-            r_of_c.data[column * kept + i] = r.at(i, j);
-        }
-    }
-    let Svd { u, sigma, v_h } = S::svd(&r_of_c)?;
-    Some(Svd { u: product(&q.corner(q.rows, kept), &u), sigma, v_h })
+    let Svd { u, sigma } = S::svd(&r.corner(kept, r.columns))?;
+    Some(Svd { u: product(&q.corner(q.rows, kept), &u), sigma })
 }
 
 /// The smallest length such that the root of the sum of the squares beyond it is at most `cut`.
-pub(crate) fn len_without_tail(len: usize, cut: f64, squared: impl Fn(usize) -> f64) -> usize {
+fn len_without_tail(len: usize, cut: f64, squared: impl Fn(usize) -> f64) -> usize {
     let mut tail = 0.0;
     (0..len)
         .rev()
@@ -336,7 +326,7 @@ pub(crate) fn len_without_tail(len: usize, cut: f64, squared: impl Fn(usize) -> 
 }
 
 /// C = X_t G X_sᵀ: from the values of the kernel between skeletons.
-pub(crate) fn full_matrix<S: Scalar>(
+fn full_matrix<S: Scalar>(
     kernel: &Formula<'_, S>,
     half_width: S::Real,
     offset: [i32; 3],

@@ -37,8 +37,7 @@ pub(crate) struct Transfers<S: Scalar> {
 struct Sent<S: Scalar> {
     /// A bit per source for each direction.
     wanted: Vec<AtomicU32>,
-    /// [`BLOCK`] sources after the other: the coordinates in one direction of all of them, then in the
-    /// next.
+    /// [`BLOCK`] sources after the other, as [`Coordinates`] has it.
     full: Vec<S>,
     single: Vec<S::Single>,
 }
