@@ -5,8 +5,9 @@
 //! f(x) ≈ Σ_j T̂_j(x) · 1/n Σ_k T̂_j(x_k) f(x_k).
 
 use num_traits::Float;
+use pulp::{Arch, Simd, WithSimd};
 
-use crate::real::{Point, Real, Scalar, Vector};
+use crate::real::{Additive, Point, Real, Scalar, Vector};
 
 /// The nodes x_k = cos((k + ½) π / n) and the polynomials T̂_0 … T̂_{n−1} on them.
 #[derive(Clone, Debug)]
@@ -64,52 +65,78 @@ impl<T: Real> Chebyshev<T> {
         (0..self.len().pow(3)).map(|k| self.grid_node(k))
     }
 
-    /// The matrix A of the lower (0) or upper (1) half, row after row: T̂_j of the whole interval in the
-    /// polynomials of the half.
-    pub(crate) fn half(&self, half: usize) -> &[T] {
-        &self.halves[half]
-    }
-
-    /// Turns values at the grid's nodes into coefficients of T̂_i(x) T̂_j(y) T̂_k(z).
+    /// Turns values at the grid's nodes into coefficients of T̂_i(x) T̂_j(y) T̂_k(z), in every array of n³.
     pub(crate) fn coefficients<S: Scalar<Real = T>>(&self, values: &mut [S]) {
-        self.along_each_axis(&self.projection, false, values);
+        along_axes([&self.projection; 3], false, self.len(), values);
     }
 
     /// Turns weights of the polynomials into weights of the nodes with the same effect on every f: the
     /// transpose of [`coefficients`](Self::coefficients).
     pub(crate) fn node_weights<S: Scalar<Real = T>>(&self, weights: &mut [S]) {
-        self.along_each_axis(&self.projection, true, weights);
+        along_axes([&self.projection; 3], true, self.len(), weights);
     }
 
-    /// Applies a matrix per axis, one after the other, in place.
-    fn along_each_axis<S: Scalar<Real = T>>(&self, matrix: &[T], transposed: bool, of: &mut [S]) {
-        let n = self.len();
-        let mut from = vec![<S as crate::real::Additive>::zero(); of.len()];
-        for inner in [n * n, n, 1] {
-            from.copy_from_slice(of);
-            of.fill(<S as crate::real::Additive>::zero());
-            contract(matrix, transposed, n, inner, &from, of);
-        }
+    /// Applies the matrices of the halves that an octant is made of: to moments of the octant, which
+    /// become those of the whole; transposed, to a field of the whole, which becomes that of the octant.
+    pub(crate) fn shift<S: Scalar<Real = T>>(
+        &self,
+        octant: usize,
+        transposed: bool,
+        arrays: &mut [S],
+    ) {
+        let halves = [0, 1, 2].map(|axis| &self.halves[octant >> axis & 1][..]);
+        along_axes(halves, transposed, self.len(), arrays);
     }
 }
 
-/// to[o, j, i] += Σ_k h[j, k] from[o, k, i] over arrays of shape (·, n, `inner`), where h is the matrix or
-/// its transpose.
-pub(crate) fn contract<S: Scalar>(
-    matrix: &[S::Real],
-    transposed: bool,
+/// Applies n × n matrices, or their transposes, along the first, second and last axis of every array of
+/// n³.
+fn along_axes<S: Scalar>(matrices: [&[S::Real]; 3], transposed: bool, n: usize, arrays: &mut [S]) {
+    let columns = matrices.map(|matrix| {
+        let at = |i: usize| if transposed { matrix[i] } else { matrix[i % n * n + i / n] };
+        (0..n * n).map(|i| S::from_real(at(i))).collect::<Vec<S>>()
+    });
+    Arch::new().dispatch(AlongAxes { columns: columns.each_ref().map(|c| &c[..]), n, arrays });
+}
+
+/// to[j] = Σ_k h[j, k] from[k] along each axis in turn, with h by its columns.
+struct AlongAxes<'a, S> {
+    columns: [&'a [S]; 3],
     n: usize,
-    inner: usize,
-    from: &[S],
-    to: &mut [S],
-) {
-    for (from, to) in from.chunks_exact(n * inner).zip(to.chunks_exact_mut(n * inner)) {
-        for (j, to) in to.chunks_exact_mut(inner).enumerate() {
-            for (k, from) in from.chunks_exact(inner).enumerate() {
-                let h = if transposed { matrix[k * n + j] } else { matrix[j * n + k] };
-                let h = S::from_real(h);
-                for (to, &from) in to.iter_mut().zip(from) {
-                    *to += h * from;
+    arrays: &'a mut [S],
+}
+
+impl<S: Scalar> WithSimd for AlongAxes<'_, S> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<V: Simd>(self, _: V) {
+        let Self { columns: [first, second, last], n, arrays } = self;
+        let mut from = vec![<S as Additive>::zero(); n * n * n];
+        for array in arrays.chunks_exact_mut(n * n * n) {
+            for (columns, inner) in [(first, n * n), (second, n)] {
+                from.copy_from_slice(array);
+                for (from, to) in
+                    from.chunks_exact(n * inner).zip(array.chunks_exact_mut(n * inner))
+                {
+                    for (j, to) in to.chunks_exact_mut(inner).enumerate() {
+                        to.fill(<S as Additive>::zero());
+                        for (k, from) in from.chunks_exact(inner).enumerate() {
+                            let h = columns[k * n + j];
+                            for (to, &from) in to.iter_mut().zip(from) {
+                                *to += h * from;
+                            }
+                        }
+                    }
+                }
+            }
+            from.copy_from_slice(array);
+            for (from, to) in from.chunks_exact(n).zip(array.chunks_exact_mut(n)) {
+                to.fill(<S as Additive>::zero());
+                for (&from, column) in from.iter().zip(last.chunks_exact(n)) {
+                    for (to, &h) in to.iter_mut().zip(column) {
+                        *to += h * from;
+                    }
                 }
             }
         }
@@ -212,7 +239,7 @@ mod tests {
             for x in [-1.0, 0.3, 0.8] {
                 polynomials(0.5 * x + shift, &mut whole);
                 polynomials(x, &mut part);
-                for (row, &value) in rule.half(half).chunks_exact(n).zip(&whole) {
+                for (row, &value) in rule.halves[half].chunks_exact(n).zip(&whole) {
                     let sum: f64 = row.iter().zip(&part).map(|(a, b)| a * b).sum();
                     assert_relative_eq!(sum, value, epsilon = 1e-13);
                 }

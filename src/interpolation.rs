@@ -27,6 +27,7 @@ mod means;
 mod operators;
 mod points;
 mod prepared;
+mod ranges;
 mod shifts;
 mod transfer;
 

@@ -46,6 +46,19 @@ impl<'a, S: Scalar> Formula<'a, S> {
         }
     }
 
+    /// Writes the field of a source at points: for each density, for each component of the field, the
+    /// values at all points.
+    pub(crate) fn write_field(&self, xs: &[PointOf<S>], y: PointOf<S>, field: &mut [S]) {
+        let mut g = vec![zero::<S>(); self.fields * self.densities];
+        for (i, &x) in xs.iter().enumerate() {
+            self.write(x, y, &mut g);
+            for (k, &entry) in g.iter().enumerate() {
+                let (row, column) = (k / self.densities, k % self.densities);
+                field[(column * self.fields + row) * xs.len() + i] = entry;
+            }
+        }
+    }
+
     pub(crate) fn at(&self, x: PointOf<S>, y: PointOf<S>) -> Vec<S> {
         let mut g = vec![zero::<S>(); self.fields * self.densities];
         self.write(x, y, &mut g);

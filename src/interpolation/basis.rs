@@ -4,13 +4,15 @@
 //! many of them, U Σ Vᴴ, gives the functions U that matter. A local expansion holds the coordinates l of
 //! a field U l; a multipole expansion the moments m = Uᵀ m̃ of densities with Chebyshev moments m̃.
 
+use std::ops::Range;
+
 use pulp::Simd;
 use rayon::prelude::*;
 
 use crate::chebyshev::Chebyshev;
 use crate::dense::{Dense, Matrix, Svd};
 use crate::error::Error;
-use crate::interpolation::far_field::{FarField, products};
+use crate::interpolation::far_field::FarField;
 use crate::interpolation::lanes::Padded;
 use crate::interpolation::means::INTERACTION_OFFSETS;
 use crate::interpolation::points::row;
@@ -44,6 +46,13 @@ pub(crate) struct Block<S> {
     pub(crate) functions: Padded<S>,
     /// Column k: coefficient k of its functions.
     pub(crate) transposed: Padded<S>,
+}
+
+impl<S> Block<S> {
+    /// Which functions are its own.
+    pub(crate) fn range(&self) -> Range<usize> {
+        self.first..self.first + self.functions.columns
+    }
 }
 
 /// Points in [−1, 1]³ from whose values a field's coordinates follow.
@@ -122,7 +131,8 @@ impl<S: Scalar> Spectrum<S> {
     }
 
     fn functions(&self, cut: f64, n: usize) -> (Matrix<S>, Vec<u8>, Vec<Block<S>>) {
-        let floor = self.smallest_kept(cut);
+        let floor =
+            smallest_kept(self.parts.iter().flat_map(|part| part.sigma.iter().copied()), cut);
         let ranks: Vec<usize> =
             self.parts.iter().map(|p| p.sigma.iter().filter(|&&s| s >= floor).count()).collect();
         let rank = ranks.iter().sum();
@@ -144,22 +154,6 @@ impl<S: Scalar> Spectrum<S> {
             blocks.push(Block { parity: part.parity, places, first, functions, transposed });
         }
         (functions, parities, blocks)
-    }
-
-    /// The smallest singular value that must be kept so that the root of the sum of the squares of
-    /// those below it is at most `cut`.
-    fn smallest_kept(&self, cut: f64) -> f64 {
-        let mut sigma: Vec<f64> =
-            self.parts.iter().flat_map(|part| part.sigma.iter().copied()).collect();
-        sigma.sort_unstable_by(f64::total_cmp);
-        let mut left_out = 0.0;
-        for &s in &sigma {
-            left_out += s * s;
-            if left_out > cut * cut {
-                return s;
-            }
-        }
-        f64::INFINITY
     }
 }
 
@@ -275,31 +269,6 @@ impl<S: Scalar> Basis<S> {
     pub(crate) fn is_full(&self) -> bool {
         self.functions.data.is_empty() && self.functions.columns > 0
     }
-
-    /// Moments m of unit densities at `p`, in the component with this index, in the full basis of
-    /// polynomials reduced to this one: for checks, not for speed.
-    pub(crate) fn moments_at(&self, p: Point<S::Real>, component: usize, n: usize) -> Vec<S> {
-        let values: Vec<S> = products(p, n).into_iter().map(S::from_real).collect();
-        let nodes = values.len();
-        let moment = |i| dot(&self.functions.column(i)[component * nodes..][..nodes], &values);
-        (0..self.rank()).map(moment).collect()
-    }
-
-    /// m = Uᵀ m̃
-    pub(crate) fn moments_of(&self, chebyshev: &[S]) -> Vec<S> {
-        (0..self.rank()).map(|i| dot(self.functions.column(i), chebyshev)).collect()
-    }
-
-    /// conj(U) m: the Chebyshev moments that a multipole expansion stands for.
-    pub(crate) fn chebyshev_moments(&self, m: &[S]) -> Vec<S> {
-        let mut moments = vec![zero::<S>(); self.functions.rows];
-        for (i, &m) in m.iter().enumerate() {
-            for (moment, &f) in moments.iter_mut().zip(self.functions.column(i)) {
-                *moment += m * f.conjugate();
-            }
-        }
-        moments
-    }
 }
 
 impl<S: Scalar> Skeleton<S> {
@@ -338,9 +307,19 @@ impl<S: Scalar> Skeleton<S> {
     }
 }
 
-/// Σ a_i b_i
-fn dot<S: Scalar>(a: &[S], b: &[S]) -> S {
-    a.iter().zip(b).fold(zero::<S>(), |sum, (&a, &b)| sum + a * b)
+/// The smallest singular value that must be kept so that the root of the sum of the squares of those
+/// below it is at most `cut`.
+pub(crate) fn smallest_kept(sigma: impl Iterator<Item = f64>, cut: f64) -> f64 {
+    let mut sigma: Vec<f64> = sigma.collect();
+    sigma.sort_unstable_by(f64::total_cmp);
+    let mut left_out = 0.0;
+    for &s in &sigma {
+        left_out += s * s;
+        if left_out > cut * cut {
+            return s;
+        }
+    }
+    f64::INFINITY
 }
 
 /// Where coefficient k stands in padded arrays.

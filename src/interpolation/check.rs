@@ -4,9 +4,9 @@ use rayon::prelude::*;
 
 use crate::dense::Matrix;
 use crate::interpolation::basis::{Basis, product};
+use crate::interpolation::far_field::products;
 use crate::interpolation::level::{LevelOperators, Request};
 use crate::interpolation::means::{Means, corner, facing, interaction_offsets, is_nearest};
-use crate::interpolation::operators::shift_in_place;
 use crate::probe::{sample, zero};
 use crate::real::{Additive, Point, Real, Scalar, Vector};
 
@@ -61,28 +61,33 @@ impl<S: Scalar> Request<'_, S> {
         points: Vec<Point<S::Real>>,
         levels: usize,
     ) -> Probes<S> {
-        let n = self.rule.len();
+        let nodes = self.rule.len().pow(3);
         let levels = if self.homogeneous { levels } else { 0 };
-        let moments: Vec<Vec<S>> = (0..points.len() * components)
-            .into_par_iter()
-            .map(|k| {
-                let (i, component) = (k / components, k % components);
-                let mut moments = basis.moments_at(points[i], component, n);
-                for _ in 0..levels {
-                    let mut shifted = basis.chebyshev_moments(&moments);
-                    shift_in_place(self.rule, i % 8, false, &mut shifted);
-                    moments = basis.moments_of(&shifted);
-                }
-                moments
-            })
-            .collect();
-        let columns = moments.len();
-        let moments = Matrix { rows: basis.rank(), columns, data: moments.concat() };
+        let (functions, transposed) = (&basis.functions, basis.functions.transpose());
+        // m = Uᵀ m̃ of unit densities in each component.
+        let rows = nodes * components;
+        let columns = points.len() * components;
+        let mut unit = Matrix { rows, columns, data: vec![zero::<S>(); rows * columns] };
+        for (k, moments) in unit.data.chunks_exact_mut(rows).enumerate() {
+            let values = products(points[k / components], self.rule.len());
+            let own = &mut moments[k % components * nodes..];
+            own.iter_mut().zip(values).for_each(|(m, value)| *m = S::from_real(value));
+        }
+        let mut moments = product(&transposed, &unit);
+        for _ in 0..levels {
+            // conj(U) m: the moments that a multipole expansion stands for.
+            let mut shifted = product(&functions.map(S::conjugate), &moments);
+            for (k, shifted) in shifted.data.chunks_exact_mut(rows).enumerate() {
+                self.rule.shift(k / components % 8, false, shifted);
+            }
+            moments = product(&transposed, &shifted);
+        }
         let half = S::Real::from_f64(0.5);
         let in_parent = |(i, p): (usize, Point<S::Real>)| {
             (0..levels).fold(p, |p, _| (p + corner::<S::Real>(i % 8)) * half)
         };
-        Probes { points: points.into_iter().enumerate().map(in_parent).collect(), moments }
+        let points = points.into_iter().enumerate().map(in_parent).collect();
+        Probes { points, transposed: moments.transpose(), moments }
     }
 
     /// The mean of Σ |G − Tᵀ C M|² over all targets and a range of sources.
@@ -94,20 +99,21 @@ impl<S: Scalar> Request<'_, S> {
         range: std::ops::Range<usize>,
     ) -> f64 {
         let (fields, densities) = (self.kernel.fields, self.kernel.densities);
-        let (from, to) = (&sources.moments, &targets.moments);
+        let (from, to) = (&sources.moments, &targets.transposed);
         let columns = range.start * densities..range.end * densities;
         let m = &from.data[columns.start * from.rows..columns.end * from.rows];
-        let mut l = vec![zero::<S>(); to.rows * columns.len()];
+        let mut l = vec![zero::<S>(); to.columns * columns.len()];
         level.transfers.add(offset, S::Real::from_f64(1.0), m, &mut l);
-        let l = Matrix { rows: to.rows, columns: columns.len(), data: l };
-        let values = product(&to.transpose(), &l);
+        let l = Matrix { rows: to.columns, columns: columns.len(), data: l };
+        let values = product(to, &l);
         let step = offset.map(|o| S::Real::from_f64(2.0 * f64::from(o)));
         let step = Point::<S::Real>::from_array(step);
         let h = self.far.half_width();
-        let mut errors = 0.0;
+        let (mut errors, mut g) = (0.0, vec![zero::<S>(); fields * densities]);
         for (b, &y) in sources.points[range.clone()].iter().enumerate() {
             for (a, &x) in targets.points.iter().enumerate() {
-                for (k, exact) in self.kernel.at((x + step) * h, y * h).into_iter().enumerate() {
+                self.kernel.write((x + step) * h, y * h, &mut g);
+                for (k, &exact) in g.iter().enumerate() {
                     let value =
                         values.at(a * fields + k / densities, b * densities + k % densities);
                     errors += Additive::norm_squared(&(value - exact));
@@ -123,4 +129,5 @@ struct Probes<S: Scalar> {
     points: Vec<Point<S::Real>>,
     /// Column after column: the components of each point.
     moments: Matrix<S>,
+    transposed: Matrix<S>,
 }

@@ -15,13 +15,13 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use crate::dense::{Matrix, Svd};
+use crate::dense::Matrix;
 use crate::expansion::OffsetMap;
-use crate::interpolation::basis::{Basis, adjoint, product};
-use crate::interpolation::means::weight;
-use crate::probe::{Formula, norm_squared, zero};
+use crate::interpolation::basis::{Basis, adjoint};
+use crate::interpolation::ranges::{Factors, Side};
+use crate::probe::{Formula, norm_squared};
 use crate::products::Batched;
-use crate::real::{Point, Real, Scalar, Vector};
+use crate::real::Scalar;
 
 /// The bases of cells of one size.
 #[derive(Debug)]
@@ -51,13 +51,15 @@ pub(crate) struct Group<R> {
     pub(crate) heights: [usize; 2],
 }
 
-/// The part of a matrix that belongs to neighbouring functions of one parity class.
+/// The part of a matrix that belongs to the functions of one parity.
 #[derive(Debug)]
 pub(crate) struct Part<R> {
     /// The parities along the group's axes.
     pub(crate) class: usize,
     /// The first of the functions.
     pub(crate) first: usize,
+    /// The first of the coordinates: those of one class across the group's directions.
+    pub(crate) coordinate: usize,
     pub(crate) matrix: Batched<R>,
 }
 
@@ -105,12 +107,6 @@ pub(crate) fn directions<S: Scalar>(
     bases: &Bases<S>,
     offsets: &[[i32; 3]],
 ) -> (Vec<Digits<S>>, OffsetMap<Place>) {
-    let stored = |o: [i32; 3]| if bases.reflected { o.map(i32::abs) } else { o };
-    let known: Vec<[i32; 3]> = offsets.iter().map(|&o| stored(o)).collect();
-    let matrices = OffsetMap::build(&known, |o| {
-        full_matrix(kernel, bases.half_width, o, &bases.source, &bases.target)
-    });
-
     // The offsets of each direction; with reflections, of those without negative signs.
     let mut members: Vec<Vec<[i32; 3]>> = vec![Vec::new(); DIRECTIONS];
     for &offset in offsets {
@@ -131,7 +127,7 @@ pub(crate) fn directions<S: Scalar>(
         let member = compressed(reflection as u8, bases.axes(canonical)) as u8;
         Place { group: group as u8, member, core }
     });
-    (members.par_iter().map(|members| bases.group(members, &matrices)).collect(), places)
+    (members.par_iter().map(|members| bases.group(kernel, members)).collect(), places)
 }
 
 /// The bits of `set` at the places of `axes`, next to each other.
@@ -151,206 +147,91 @@ impl<S: Scalar> Bases<S> {
         (negative(0) | negative(1) | negative(2), image)
     }
 
+    /// The axes across directions that lie along `axes`; none without reflections.
+    pub(crate) fn across(&self, axes: u8) -> u8 {
+        if self.reflected { !axes & 7 } else { 0 }
+    }
+
     /// The axes along which a direction and its reflections lie.
     fn axes(&self, offset: [i32; 3]) -> u8 {
         let along = |axis: usize| u8::from(self.reflected && offset[axis].abs() >= 2) << axis;
         along(0) | along(1) | along(2)
     }
 
-    fn group(&self, members: &[[i32; 3]], matrices: &OffsetMap<Matrix<S>>) -> Digits<S> {
-        let signed = |&offset: &[i32; 3]| {
-            let negative = |axis: usize| usize::from(offset[axis] < 0) << axis;
-            let (reflection, stored) = match self.reflected {
-                true => (negative(0) | negative(1) | negative(2), offset.map(i32::abs)),
-                false => (0, offset),
-            };
-            let [rows, columns] =
-                [&self.target, &self.source].map(|basis| &basis.signs[reflection]);
-            let c = matrices.get(stored).into_iter();
-            c.map(move |c| {
-                Matrix::from_fn(c.rows, c.columns, |i, j| {
-                    c.at(i, j) * S::from_real(rows[i] * columns[j])
-                })
-            })
-        };
-        let matrices: Vec<Matrix<S>> = members.iter().flat_map(signed).collect();
-        let adjoints: Vec<Matrix<S>> = matrices.iter().map(adjoint).collect();
-        let weights: Vec<f64> = members.iter().map(|&offset| weight(offset).sqrt()).collect();
-        let spread = common_range(&matrices, &weights, self.target.rank(), self.cut);
-        let right = common_range(&adjoints, &weights, self.source.rank(), self.cut);
-        let (collect, left) = (adjoint(&right), adjoint(&spread));
-        let cores = matrices.iter().map(|c| product(&product(&left, c), &right)).collect();
-        let size = matrices.iter().map(|c| norm_squared(&c.data)).fold(0.0, f64::max).sqrt();
-        let single = size_of::<S>() > size_of::<S::Single>();
+    fn group(&self, kernel: &Formula<'_, S>, members: &[[i32; 3]]) -> Digits<S> {
         let axes = self.axes(members[0]);
+        let (spread, collect, cores) = Factors::new(kernel, self, axes, members).compress();
+        let size = cores.iter().map(|core| norm_squared(&core.data)).fold(0.0, f64::max).sqrt();
+        let single = size_of::<S>() > size_of::<S::Single>();
         match single && SINGLE_ROUNDING * size <= ROUNDING_SHARE * self.cut {
-            true => Digits::Single(self.in_parts(axes, [&collect, &spread], cores, S::to_single)),
-            false => Digits::Full(self.in_parts(axes, [&collect, &spread], cores, |x| x)),
+            true => Digits::Single(self.in_digits(axes, [&collect, &spread], &cores, S::to_single)),
+            false => Digits::Full(self.in_digits(axes, [&collect, &spread], &cores, |x| x)),
         }
     }
 
-    fn in_parts<R: Scalar>(
+    fn in_digits<R: Scalar>(
         &self,
         axes: u8,
-        [collect, spread]: [&Matrix<S>; 2],
-        cores: Vec<Matrix<S>>,
+        [q, p]: [&Side<S>; 2],
+        cores: &[Matrix<S>],
         digits: impl Fn(S) -> R,
     ) -> Group<R> {
-        let batched = |a: Matrix<S>| Batched::new(&a.map(&digits));
-        let columns = runs(&self.source, axes).into_iter().map(|(class, run)| {
-            let part =
-                Matrix::from_fn(collect.rows, run.len(), |i, j| collect.at(i, run.start + j));
-            Part { class, first: run.start, matrix: batched(part) }
-        });
-        let rows = runs(&self.target, axes).into_iter().map(|(class, run)| {
-            let part =
-                Matrix::from_fn(run.len(), spread.columns, |i, j| spread.at(run.start + i, j));
-            Part { class, first: run.start, matrix: batched(part) }
-        });
-        let ranks = [collect.rows, spread.columns];
+        let batched = |matrix: &Matrix<S>| Batched::new(&matrix.map(&digits));
+        // What fills a part up to whole registers reaches beyond the last coordinate.
+        let end = |side: &Side<S>| {
+            let starts = side.classes.iter().map(|(_, coordinates)| {
+                coordinates.start + Batched::<R>::height_of(coordinates.len())
+            });
+            Batched::<R>::height_of(starts.max().unwrap_or(0))
+        };
         Group {
             axes,
-            collect: columns.collect(),
-            spread: rows.collect(),
-            cores: cores.into_iter().map(batched).collect(),
-            ranks,
-            heights: ranks.map(Batched::<R>::height_of),
+            collect: self.parts(axes, q, &self.source, |q| batched(&adjoint(&q))),
+            spread: self.parts(axes, p, &self.target, |p| batched(&p)),
+            cores: cores.iter().map(batched).collect(),
+            ranks: [q.functions.columns, p.functions.columns],
+            heights: [end(q), end(p)],
         }
+    }
+
+    /// The parts of one side: for every class across the directions, one for each class along them, from
+    /// the first coordinate to the last.
+    fn parts<R>(
+        &self,
+        axes: u8,
+        side: &Side<S>,
+        basis: &Basis<S>,
+        batched: impl Fn(Matrix<S>) -> Batched<R>,
+    ) -> Vec<Part<R>> {
+        let across = self.across(axes);
+        let part = |parities: u8, coordinates: &Range<usize>, class: usize| {
+            let block = basis.blocks.iter().find(|block| {
+                block.parity & across == parities && compressed(block.parity, axes) == class
+            });
+            // There are sums for every class along the directions, if only of nothing.
+            let functions = block.map_or(0..0, |block| block.range());
+            let matrix = Matrix::from_fn(functions.len(), coordinates.len(), |i, j| {
+                side.functions.at(functions.start + i, coordinates.start + j)
+            });
+            let (first, coordinate) = (functions.start, coordinates.start);
+            Part { class, first, coordinate, matrix: batched(matrix) }
+        };
+        let mut parts = Vec::new();
+        for (parities, coordinates) in &side.classes {
+            if !coordinates.is_empty() {
+                let classes = 0..1 << axes.count_ones();
+                parts.extend(classes.map(|class| part(*parities, coordinates, class)));
+            }
+        }
+        parts
     }
 }
-
-/// The runs of functions of one parity class, with the class; each class has one at least.
-fn runs<S: Scalar>(basis: &Basis<S>, axes: u8) -> Vec<(usize, Range<usize>)> {
-    let mut runs: Vec<(usize, Range<usize>)> = Vec::new();
-    for block in &basis.blocks {
-        let class = compressed(block.parity, axes);
-        let end = block.first + block.functions.columns;
-        match runs.last_mut() {
-            Some((last, run)) if *last == class => run.end = end,
-            _ => runs.push((class, block.first..end)),
-        }
-    }
-    for class in 0..1 << axes.count_ones() {
-        if runs.iter().all(|(other, _)| *other != class) {
-            runs.push((class, 0..0));
-        }
-    }
-    runs
-}
-
-/// The share of a cut-off that each of the two sides of a direction may use up.
-const SIDE_SHARE: f64 = 2.0;
 
 /// The relative error of products in single precision, root mean square.
 const SINGLE_ROUNDING: f64 = 4e-8;
 
 /// The share of a cut-off that rounding may add.
 const ROUNDING_SHARE: f64 = 1.0;
-
-/// Orthonormal columns that span A = [w_o C_o …] but for a share of `cut` per matrix.
-///
-/// Taken from as many products of A with random vectors as A has rows, of which each has the expected
-/// squared norm of A (Halko, Martinsson and Tropp, "Finding structure with randomness", SIAM Review 53,
-/// 2011).
-fn common_range<S: Scalar>(
-    matrices: &[Matrix<S>],
-    weights: &[f64],
-    rows: usize,
-    cut: f64,
-) -> Matrix<S> {
-    let mut sketch = Matrix { rows, columns: rows, data: vec![zero::<S>(); rows * rows] };
-    let mut numbers = Random::default();
-    for (c, &weight) in matrices.iter().zip(weights) {
-        let vectors = Matrix::from_fn(c.columns, rows, |_, _| {
-            S::from_real(S::Real::from_f64(weight * numbers.next()))
-        });
-        S::product(c, &vectors.data, true, &mut sketch.data);
-    }
-    let squares: f64 = weights.iter().map(|weight| weight * weight).sum();
-    let cut = SIDE_SHARE * cut * (squares * rows as f64).sqrt();
-    match decompose(&sketch, cut) {
-        Some(Svd { u, sigma }) => {
-            let rank = len_without_tail(sigma.len(), cut, |i| sigma[i] * sigma[i]);
-            u.corner(u.rows, rank)
-        }
-        // Without a decomposition, every direction is kept.
-        None => Matrix::from_fn(rows, rows, |i, j| {
-            S::from_real(S::Real::from_f64(if i == j { 1.0 } else { 0.0 }))
-        }),
-    }
-}
-
-/// Random numbers of mean zero and variance one, always the same (Steele, Lea and Flood, "Fast
-/// splittable pseudorandom number generators", OOPSLA 2014).
-#[derive(Default)]
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        let unit = ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64;
-        12f64.sqrt() * (unit - 0.5)
-    }
-}
-
-/// The singular value decomposition of all of C that exceeds a tenth of `cut`; none if it fails.
-fn decompose<S: Scalar>(c: &Matrix<S>, cut: f64) -> Option<Svd<S>> {
-    if c.rows == 0 || c.columns == 0 {
-        return Some(Svd { u: c.clone(), sigma: Vec::new() });
-    }
-    // Pivoted elimination first: the decomposition proper then has few rows. The order of columns is
-    // nothing to left singular vectors.
-    let (q, r, _) = S::pivoted_qr(c);
-    let row = |i: usize| (0..r.columns).map(|j| r.at(i, j).norm_squared()).sum::<f64>();
-    let kept = len_without_tail(r.rows, 0.1 * cut, row);
-    if kept == 0 {
-        return Some(Svd { u: q.corner(q.rows, 0), sigma: Vec::new() });
-    }
-    let Svd { u, sigma } = S::svd(&r.corner(kept, r.columns))?;
-    Some(Svd { u: product(&q.corner(q.rows, kept), &u), sigma })
-}
-
-/// The smallest length such that the root of the sum of the squares beyond it is at most `cut`.
-fn len_without_tail(len: usize, cut: f64, squared: impl Fn(usize) -> f64) -> usize {
-    let mut tail = 0.0;
-    (0..len)
-        .rev()
-        .find(|&i| {
-            tail += squared(i);
-            tail > cut * cut
-        })
-        .map_or(0, |i| i + 1)
-}
-
-/// C = X_t G X_sᵀ: from the values of the kernel between skeletons.
-fn full_matrix<S: Scalar>(
-    kernel: &Formula<'_, S>,
-    half_width: S::Real,
-    offset: [i32; 3],
-    source: &Basis<S>,
-    target: &Basis<S>,
-) -> Matrix<S> {
-    let step = offset.map(|o| S::Real::from_f64(2.0 * f64::from(o)));
-    let step = Point::<S::Real>::from_array(step);
-    let (xs, ys) = (&target.skeleton.points, &source.skeleton.points);
-    let rows = xs.len() * kernel.fields;
-    let mut values = Matrix::from_fn(rows, ys.len() * kernel.densities, |_, _| zero::<S>());
-    let mut g = vec![zero::<S>(); kernel.fields * kernel.densities];
-    for (b, &y) in ys.iter().enumerate() {
-        for (a, &x) in xs.iter().enumerate() {
-            kernel.write((x + step) * half_width, y * half_width, &mut g);
-            for (k, &entry) in g.iter().enumerate() {
-                let column = k % kernel.densities * ys.len() + b;
-                values.data[column * rows + k / kernel.densities * xs.len() + a] = entry;
-            }
-        }
-    }
-    let left = product(&target.skeleton.from_values, &values);
-    product(&left, &source.skeleton.from_values.transpose())
-}
 
 #[cfg(test)]
 mod tests {

@@ -78,10 +78,9 @@ impl<R: Scalar> Exchange<R> {
                 }
             }
         }
-        for (k, part) in group.collect.iter().enumerate() {
-            let add = group.collect[..k].iter().any(|before| before.class == part.class);
-            let (from, to) = (&multipoles[part.first..], &mut sent[part.class * height..]);
-            part.matrix.products(places, add, from, to);
+        for part in &group.collect {
+            let to = &mut sent[part.class * height + part.coordinate..];
+            part.matrix.products(places, false, &multipoles[part.first..], to);
         }
         let starts = places.iter().map(|[_, y]| *y);
         Arch::new().dispatch(Reflections { sums: sent, starts, members, len: height });
@@ -147,7 +146,7 @@ impl<R: Scalar> Exchange<R> {
             len: group.heights[1],
         });
         for part in &group.spread {
-            let from = &received[part.class * group.heights[1]..];
+            let from = &received[part.class * group.heights[1] + part.coordinate..];
             part.matrix.products(places, true, from, &mut locals[part.first..]);
         }
     }

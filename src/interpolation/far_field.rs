@@ -30,6 +30,9 @@ const SHELL_WEIGHT: f64 = 300.0;
 /// Sample targets in the cell at which the order is tested.
 const TEST_TARGETS: usize = 48;
 
+/// Sample sources whose fields are interpolated together.
+const TEST_SOURCES: usize = 16;
+
 /// The far field of the cell [−h, h]³: the sources that act on it, as seen in half-widths.
 pub(crate) struct FarField<T: Real> {
     /// Points and their weights: for each offset of the interaction list in turn, then for the shells.
@@ -102,18 +105,12 @@ impl<T: Real> FarField<T> {
         let nodes = rule.len().pow(3);
         let rows = nodes * kernel.fields;
         let shells = self.starts[INTERACTION_OFFSETS];
+        let grid = self.scaled(rule.grid().collect());
         let mut data = vec![zero::<S>(); rows * kernel.densities * self.sources.len()];
         data.par_chunks_mut(rows * kernel.densities).zip(&self.sources).enumerate().for_each(
             |(i, (columns, &(y, weight)))| {
-                let mut g = vec![zero::<S>(); kernel.fields * kernel.densities];
-                for (a, x) in rule.grid().enumerate() {
-                    kernel.write(x * self.half_width, y * self.half_width, &mut g);
-                    for (k, &entry) in g.iter().enumerate() {
-                        let (field, density) = (k / kernel.densities, k % kernel.densities);
-                        columns[density * rows + field * nodes + a] = entry;
-                    }
-                }
-                columns.chunks_exact_mut(nodes).for_each(|field| rule.coefficients(field));
+                kernel.write_field(&grid, y * self.half_width, columns);
+                rule.coefficients(columns);
                 let norm = (norm_squared(columns) / kernel.densities as f64).sqrt();
                 let shrink = if i >= shells && norm > size { size / norm } else { 1.0 };
                 let factor = S::from_real(T::from_f64(weight.sqrt() * shrink));
@@ -142,62 +139,76 @@ impl<T: Real> FarField<T> {
         rule: &Chebyshev<T>,
         size: Means,
     ) -> f64 {
-        let n = rule.len();
-        let with_values = |x: Point<T>| (x, products(x, n));
-        let targets: Vec<_> = (0..TEST_TARGETS).map(|i| with_values(sample::<T>(i))).collect();
-        let corners: Vec<_> = (0..8).map(|i| with_values(corner::<T>(i))).collect();
-        let errors: Vec<[f64; 2]> = (0..INTERACTION_OFFSETS)
-            .into_par_iter()
-            .map(|o| {
-                let offset = self.offsets[o];
-                let near = offset.iter().all(|o| o.abs() <= 2);
-                let count = if near { PER_OFFSET } else { 1 };
-                let error = |k: usize| {
-                    let y = centre::<T>(offset) + sample::<T>(o * PER_OFFSET + k);
-                    self.squared_error(kernel, rule, y, &targets)
-                };
-                let anywhere = (0..count).map(error).sum::<f64>() / count as f64;
-                let corner = match is_nearest(offset) && size.grows() {
-                    true => {
-                        let y = centre::<T>(offset) + corner::<T>(facing(offset, o));
-                        // Both sides are off there, in the same direction.
-                        4.0 * self.squared_error(kernel, rule, y, &corners)
-                    }
-                    false => 0.0,
-                };
-                [anywhere, corner]
-            })
-            .collect();
+        let mut sources = Vec::new();
+        for (o, &offset) in self.offsets.iter().enumerate() {
+            let near = offset.iter().all(|o| o.abs() <= 2);
+            let count = if near { PER_OFFSET } else { 1 };
+            let source = |k| centre::<T>(offset) + sample::<T>(o * PER_OFFSET + k);
+            sources.extend((0..count).map(|k| (o, source(k), 1.0 / count as f64)));
+        }
+        let mut errors = vec![[0.0; 2]; INTERACTION_OFFSETS];
+        let targets: Vec<_> = (0..TEST_TARGETS).map(sample::<T>).collect();
+        for (o, squared) in self.squared_errors(kernel, rule, &targets, &sources) {
+            errors[o][0] += squared;
+        }
+        if size.grows() {
+            let nearest =
+                self.offsets.iter().enumerate().filter(|(_, offset)| is_nearest(**offset));
+            // Both sides are off there, in the same direction.
+            let source = |(o, &offset): (usize, &[i32; 3])| {
+                (o, centre::<T>(offset) + corner::<T>(facing(offset, o)), 4.0)
+            };
+            let corners: Vec<_> = (0..8).map(corner::<T>).collect();
+            let sources: Vec<_> = nearest.map(source).collect();
+            for (o, squared) in self.squared_errors(kernel, rule, &corners, &sources) {
+                errors[o][1] += squared;
+            }
+        }
         Means::of(errors).relative_to(size)
     }
 
-    /// The mean square error of interpolating the field of `y` at targets, each with its
-    /// [`products`].
-    fn squared_error<S: Scalar<Real = T>>(
+    /// The mean square error of interpolating the field of each source at targets, times the source's
+    /// factor; with its offset's number.
+    fn squared_errors<S: Scalar<Real = T>>(
         &self,
         kernel: &Formula<'_, S>,
         rule: &Chebyshev<T>,
-        y: PointOf<S>,
-        targets: &[(Point<T>, Vec<T>)],
-    ) -> f64 {
-        let nodes = rule.len().pow(3);
-        let mut coefficients = vec![zero::<S>(); nodes * kernel.fields * kernel.densities];
-        for (a, x) in rule.grid().enumerate() {
-            for (k, g) in self.entry(kernel, x, y).into_iter().enumerate() {
-                coefficients[k * nodes + a] = g;
-            }
-        }
-        coefficients.chunks_exact_mut(nodes).for_each(|entry| rule.coefficients(entry));
-        let errors = targets.iter().map(|(x, values)| {
-            let mut difference = self.entry(kernel, *x, y);
-            for (d, entry) in difference.iter_mut().zip(coefficients.chunks_exact(nodes)) {
-                for (&c, &value) in entry.iter().zip(values) {
-                    *d -= c * S::from_real(value);
-                }
-            }
-            norm_squared(&difference)
+        targets: &[Point<T>],
+        sources: &[(usize, Point<T>, f64)],
+    ) -> Vec<(usize, f64)> {
+        let (nodes, entries) = (rule.len().pow(3), kernel.fields * kernel.densities);
+        // Row i holds what the values at the nodes count in the interpolated value at target i.
+        let mut weights: Vec<T> = targets.iter().flat_map(|&x| products(x, rule.len())).collect();
+        rule.node_weights(&mut weights);
+        let weights = Matrix { rows: nodes, columns: targets.len(), data: weights };
+        let weights = weights.transpose().map(S::from_real);
+        let [grid, targets] = [rule.grid().collect(), targets.to_vec()]
+            .map(|points: Vec<Point<T>>| self.scaled(points));
+        let errors = sources.par_chunks(TEST_SOURCES).flat_map_iter(|sources| {
+            let field = |points: &[Point<T>]| {
+                let mut values = vec![zero::<S>(); points.len() * entries * sources.len()];
+                let each = values.chunks_exact_mut(points.len() * entries).zip(sources);
+                each.for_each(|(field, &(_, y, _))| {
+                    kernel.write_field(points, y * self.half_width, field);
+                });
+                values
+            };
+            let mut differences = field(&targets);
+            let mut interpolated = vec![zero::<S>(); differences.len()];
+            S::product(&weights, &field(&grid), false, &mut interpolated);
+            differences.iter_mut().zip(interpolated).for_each(|(exact, value)| *exact -= value);
+            let errors = differences.chunks_exact(targets.len() * entries);
+            let mean = |(errors, &(o, _, factor)): (&[S], &(usize, Point<T>, f64))| {
+                (o, factor * norm_squared(errors) / targets.len() as f64)
+            };
+            errors.zip(sources).map(mean).collect::<Vec<_>>()
         });
-        errors.sum::<f64>() / targets.len() as f64
+        errors.collect()
+    }
+
+    fn scaled(&self, mut points: Vec<Point<T>>) -> Vec<Point<T>> {
+        points.iter_mut().for_each(|point| *point = *point * self.half_width);
+        points
     }
 
     fn entry<S: Scalar<Real = T>>(

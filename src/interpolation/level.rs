@@ -36,7 +36,7 @@ pub(crate) struct Request<'a, S: Scalar> {
 }
 
 /// The share of the tolerance that each truncation may use up at first.
-const FIRST_SHARE: f64 = 0.12;
+const FIRST_SHARE: f64 = 0.09;
 
 /// How often cut-offs are chosen anew.
 const ATTEMPTS: usize = 3;

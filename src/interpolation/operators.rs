@@ -3,7 +3,7 @@
 use num_traits::Float;
 use rayon::prelude::*;
 
-use crate::chebyshev::{Chebyshev, contract};
+use crate::chebyshev::Chebyshev;
 use crate::dense::Matrix;
 use crate::error::Error;
 use crate::interpolation::MAX_ORDER;
@@ -11,7 +11,7 @@ use crate::interpolation::basis::{adjoint, product};
 use crate::interpolation::far_field::FarField;
 use crate::interpolation::level::{LevelOperators, Request};
 use crate::interpolation::means::Means;
-use crate::probe::{self, Formula, zero};
+use crate::probe::{self, Formula};
 use crate::real::{Real, Scalar};
 
 /// What decides how much is kept.
@@ -232,22 +232,6 @@ fn shift<S: Scalar>(
     columns: &Matrix<S>,
 ) -> Matrix<S> {
     let mut shifted = columns.clone();
-    shift_in_place(rule, octant, transposed, &mut shifted.data);
+    rule.shift(octant, transposed, &mut shifted.data);
     shifted
-}
-
-/// [`shift`] for arrays of n³ coefficients one after the other.
-pub(crate) fn shift_in_place<S: Scalar>(
-    rule: &Chebyshev<S::Real>,
-    octant: usize,
-    transposed: bool,
-    arrays: &mut [S],
-) {
-    let n = rule.len();
-    let mut from = vec![zero::<S>(); arrays.len()];
-    for (axis, inner) in [n * n, n, 1].into_iter().enumerate() {
-        from.copy_from_slice(arrays);
-        arrays.fill(zero::<S>());
-        contract(rule.half(octant >> axis & 1), transposed, n, inner, &from, arrays);
-    }
 }

@@ -6,7 +6,6 @@ use crate::dense::Matrix;
 use crate::expansion::{Expansion, LevelFamilies};
 use crate::geometry::Cell;
 use crate::interpolation::Interpolation;
-use crate::interpolation::operators::shift_in_place;
 use crate::interpolation::prepared::{Invariant, Prepared};
 use crate::kernel::PointKernel;
 use crate::probe::zero;
@@ -53,7 +52,7 @@ impl<K: PointKernel> Interpolation<K> {
         match &self.prepared {
             Prepared::Everywhere(everywhere) => {
                 let mut shifted = from.to_vec();
-                shift_in_place(&everywhere.rule, octant, down, &mut shifted);
+                everywhere.rule.shift(octant, down, &mut shifted);
                 to.iter_mut().zip(shifted).for_each(|(to, term)| *to += term);
             }
             Prepared::Invariant(invariant) => {

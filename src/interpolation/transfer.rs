@@ -312,7 +312,7 @@ fn near_index(offset: [i32; 3]) -> Option<usize> {
     near.then(|| offset.iter().fold(0, |index, o| index * (2 * NEAR + 1) + (o + NEAR)) as usize)
 }
 
-/// l += P W Qᴴ m for one pair.
+/// l += P W Qᴴ m for one pair of cells and all right-hand sides.
 fn add_one<S: Scalar, R: Scalar>(
     group: &Group<R>,
     place: Place,
@@ -324,30 +324,48 @@ fn add_one<S: Scalar, R: Scalar>(
     if group.ranks.contains(&0) {
         return;
     }
-    let core = &group.cores[place.core as usize];
-    let signed = |part: &Part<R>, x: R| {
-        let odd = (part.class & usize::from(place.member)).count_ones() % 2 == 1;
-        if odd { -x } else { x }
-    };
     let len = |parts: &[Part<R>], of: fn(&Part<R>) -> usize| {
         parts.iter().map(|part| part.first + of(part)).max().unwrap_or(1)
     };
     let from_len = len(&group.collect, |part| part.matrix.columns);
     let to_len = len(&group.spread, |part| part.matrix.rows);
-    for (m, l) in m.chunks_exact(from_len).zip(l.chunks_exact_mut(to_len)) {
-        let mut y = vec![zero::<R>(); group.heights[0]];
-        for part in &group.collect {
-            let m = &m[part.first..][..part.matrix.columns];
-            let m: Vec<R> = m.iter().map(|&m| signed(part, enter(m))).collect();
-            part.matrix.products(&[[0, 0]], true, &m, &mut y);
-        }
-        let mut z = vec![zero::<R>(); group.heights[1]];
-        core.products(&[[0, 0]], false, &y, &mut z);
-        for part in &group.spread {
-            let mut out = vec![zero::<R>(); part.matrix.height];
-            part.matrix.products(&[[0, 0]], false, &z, &mut out);
-            for (l, &out) in l[part.first..].iter_mut().zip(&out[..part.matrix.rows]) {
-                *l += leave(signed(part, out));
+    let count = m.len() / from_len;
+    let places = |x: usize, y: usize| (0..count).map(|c| [c * x, c * y]).collect::<Vec<_>>();
+    let [y_len, z_len] = group.heights;
+
+    let mut from: Vec<R> = m.iter().map(|&m| enter(m)).collect();
+    reflect(&group.collect, |part| part.matrix.columns, place, from_len, &mut from);
+    let mut y = vec![zero::<R>(); count * y_len];
+    for part in &group.collect {
+        let y = &mut y[part.coordinate..];
+        part.matrix.products(&places(from_len, y_len), true, &from[part.first..], y);
+    }
+    let mut z = vec![zero::<R>(); count * z_len];
+    group.cores[place.core as usize].products(&places(y_len, z_len), true, &y, &mut z);
+    // Zeros are added beyond the rows of a matrix, after the last right-hand side as well.
+    let most = group.spread.iter().map(|part| part.matrix.height).max().unwrap_or(0);
+    let mut to = vec![zero::<R>(); count * to_len + most];
+    for part in &group.spread {
+        let to = &mut to[part.first..];
+        part.matrix.products(&places(z_len, to_len), true, &z[part.coordinate..], to);
+    }
+    reflect(&group.spread, |part| part.matrix.rows, place, to_len, &mut to);
+    l.iter_mut().zip(to).for_each(|(l, to)| *l += leave(to));
+}
+
+/// Gives the functions of each part the sign that a member's reflection gives them.
+fn reflect<R: Scalar>(
+    parts: &[Part<R>],
+    functions: fn(&Part<R>) -> usize,
+    place: Place,
+    len: usize,
+    expansions: &mut [R],
+) {
+    for part in parts {
+        if (part.class & usize::from(place.member)).count_ones() % 2 == 1 {
+            for expansion in expansions.chunks_exact_mut(len) {
+                let own = &mut expansion[part.first..][..functions(part)];
+                own.iter_mut().for_each(|term| *term = -*term);
             }
         }
     }
