@@ -20,25 +20,37 @@ pub(crate) fn leaf_size<S: Scalar>(
         Accuracy::Order(order) => (order as f64 - 1.5).clamp(1.0, 14.0),
     };
     let rank = 4.0 * (digits + 1.0) * digits * components as f64;
+    let order = 4.0 / 3.0 * digits;
     let by_direction = (0.27 * rank).max(4.0);
-    // A product per pair of cells, two per cell for the reflections of a direction, and the coordinates
-    // in and out.
-    let sides = 2.0 * 26.0 / 3.0 / 189.0 * rank * by_direction;
-    let flops = 2.0 * (by_direction.powi(2) + sides) * if S::COMPLEX { 4.0 } else { 1.0 };
-    let precision = (size_of::<S::Real>() as f64) / 8.0;
-    let pair_of_cells =
-        columns as f64 * precision * (flops / flop_rate() + 4.0 * by_direction * MOVE_SECONDS);
-    let far_per_leaf = 189.0 * 8.0 / 7.0 * (pair_of_cells + SORT_SECONDS);
+    let complex = if S::COMPLEX { 4.0 } else { 1.0 };
+    let single = size_of::<S::Real>() == 4 || digits <= SINGLE_DIGITS;
+    let m2l_rate = flop_rate() * if single { 2.0 } else { 1.0 };
+    // Sums over a cell's functions included.
+    let m2l_flops = 2.0 * complex * (0.33 * rank).powi(2);
+    let m2l = m2l_flops / m2l_rate + 4.0 * complex * by_direction * MOVE_SECONDS;
+    let other_flops = 4.0 * complex * rank * (order.powi(3) / 8.0 + rank);
+    let other = other_flops / (OTHER_SHARE * flop_rate()) + CELL_SECONDS;
+    let right_hand_sides = columns as f64;
+    let far_per_leaf =
+        8.0 / 7.0 * (189.0 * (right_hand_sides * m2l + SORT_SECONDS) + right_hand_sides * other);
     // A cell of s points is worth splitting into eight when 27 s² t + c > 27 s²/8 t + 8 c.
     let largest = (8.0 * far_per_leaf / (27.0 * pair_seconds)).sqrt();
     (largest as usize).clamp(16, 2048)
 }
 
+/// To so many digits M2L works in single precision.
+const SINGLE_DIGITS: f64 = 7.0;
+
 /// Seconds to read or write one number in a core's cache.
 const MOVE_SECONDS: f64 = 1.5e-10;
 
 /// Seconds to find the matrix of a pair of cells and to put the pair in order.
-const SORT_SECONDS: f64 = 2.5e-8;
+const SORT_SECONDS: f64 = 2.8e-8;
+
+/// Seconds that P2M, M2M, L2L and L2P take for any cell, and the share of the rate of M2L that their
+/// products reach.
+const CELL_SECONDS: f64 = 1.5e-6;
+const OTHER_SHARE: f64 = 0.3;
 
 /// Floating-point operations per second of one core in products like those of M2L, measured once.
 fn flop_rate() -> f64 {

@@ -35,8 +35,11 @@ pub(crate) struct Request<'a, S: Scalar> {
     pub(crate) accepted: f64,
 }
 
-/// The share of the tolerance that each truncation may use up at first.
-const FIRST_SHARE: f64 = 0.09;
+/// The share of the tolerance that each truncation may use up at first: that of the error which all of
+/// them are found to make, which is a little more for every digit.
+fn first_share(tolerance: f64) -> f64 {
+    0.11 + 0.002 * tolerance.log10()
+}
 
 /// How often cut-offs are chosen anew.
 const ATTEMPTS: usize = 3;
@@ -56,7 +59,7 @@ impl<S: Scalar> Request<'_, S> {
             false => Some(spectrum(&self.kernel.transpose(), |p| &p.densities)?),
         };
         let offsets: Vec<[i32; 3]> = interaction_offsets().collect();
-        let mut share = FIRST_SHARE;
+        let mut share = first_share(self.tolerance);
         let mut attempt = 0;
         loop {
             let cut = share * self.tolerance * self.scale.least();
