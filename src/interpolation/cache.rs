@@ -33,7 +33,7 @@ impl Key {
     ) -> Self {
         let mut hasher = DefaultHasher::new();
         for &half_width in &sizes.half_widths {
-            FarField::new(half_width, sizes.extent).for_each_entry(kernel, |entry: S| {
+            FarField::new(half_width, sizes.extent, 1).for_each_entry(kernel, |entry: S| {
                 entry.parts().map(|part| part.as_f64().to_bits()).hash(&mut hasher);
             });
         }

@@ -45,27 +45,30 @@ pub(crate) struct FarField<T: Real> {
 
 impl<T: Real> FarField<T> {
     /// Sources in the 316 cells from which a tree's M2L comes, and in shells out to `extent`
-    /// half-widths, from which M2P, P2L and masks may take more.
-    pub(crate) fn new(half_width: T, extent: f64) -> Self {
+    /// half-widths, from which M2P, P2L and masks may take more: `density` times as many as a kernel
+    /// needs whose far field falls into parities.
+    pub(crate) fn new(half_width: T, extent: f64, density: usize) -> Self {
         let (mut sources, mut starts) = (Vec::new(), vec![0]);
         let offsets: Vec<[i32; 3]> = interaction_offsets().collect();
         for (i, &offset) in offsets.iter().enumerate() {
             let near = offset.iter().all(|o| o.abs() <= 2);
-            let count = if near { PER_NEAR_OFFSET } else { PER_OFFSET };
+            let count = density * if near { PER_NEAR_OFFSET } else { PER_OFFSET };
             sources.extend((0..count).map(|k| {
-                let (p, share) = towards_border::<T>(sample::<T>(i * PER_NEAR_OFFSET + k));
+                let (p, share) =
+                    towards_border::<T>(sample::<T>(i * density * PER_NEAR_OFFSET + k));
                 (centre::<T>(offset) + p, weight(offset) * share / count as f64)
             }));
             starts.push(sources.len());
         }
         let mut radius = 8.0;
         while radius <= 2.0 * extent {
-            sources.extend((0..PER_SHELL).map(|k| {
+            let count = density * PER_SHELL;
+            sources.extend((0..count).map(|k| {
                 let p = sample::<T>(k).to_array().map(Real::as_f64);
                 let largest = p.iter().fold(0.0f64, |a, x| a.max(x.abs()));
                 let stretch = radius * (1.0 + (0.618 * k as f64).fract()) / largest;
                 let p = Point::<T>::from_array(p.map(|x| T::from_f64(x * stretch)));
-                (p, SHELL_WEIGHT / PER_SHELL as f64)
+                (p, SHELL_WEIGHT / count as f64)
             }));
             radius *= 2.0;
         }
@@ -253,7 +256,7 @@ mod tests {
     fn error(f: fn(f64) -> f64, n: usize, half_width: f64) -> f64 {
         let entries = |x: DVec3, y: DVec3, g: &mut [f64]| g[0] = f(x.distance(y));
         let kernel = Formula::new(1, 1, &entries);
-        let far = FarField::new(half_width, 8.0);
+        let far = FarField::new(half_width, 8.0, 1);
         far.interpolation_error(&kernel, &Chebyshev::new(n), far.size(&kernel))
     }
 
@@ -271,7 +274,7 @@ mod tests {
 
     #[test]
     fn weights_add_up_to_those_of_the_offsets() {
-        let far = FarField::new(1.0, 20.0);
+        let far = FarField::new(1.0, 20.0, 1);
         let lists: f64 = far.sources[..far.starts[INTERACTION_OFFSETS]].iter().map(|s| s.1).sum();
         assert!((lists / INTERACTION_OFFSETS as f64 - 1.0).abs() < 0.02, "{lists}");
     }
@@ -280,7 +283,7 @@ mod tests {
     fn columns_hold_the_coefficients_of_the_far_field() {
         let entries = |x: DVec3, y: DVec3, g: &mut [f64]| g[0] = 1.0 / x.distance(y);
         let kernel = Formula::new(1, 1, &entries);
-        let (far, rule) = (FarField::new(0.25, 20.0), Chebyshev::new(9));
+        let (far, rule) = (FarField::new(0.25, 20.0, 1), Chebyshev::new(9));
         let columns = far.columns(&kernel, &rule, f64::INFINITY);
         let x = DVec3::new(0.3, -0.8, 0.6);
         for (j, (y, weight)) in far.sources.iter().enumerate() {

@@ -60,6 +60,9 @@ pub(crate) const SHARE: f64 = 0.25;
 const ACCEPTED: f64 = 0.4;
 const ACCEPTED_OF_LEVEL: f64 = 0.5;
 
+/// How many times the samples are taken of a far field that does not fall into parities.
+const WHOLE_DENSITY: usize = 2;
+
 /// The share of the tolerance that an error may reach unless no order does better.
 const SAFE: f64 = 0.8;
 
@@ -92,8 +95,11 @@ impl<S: Scalar> Operators<S> {
         accuracy: Accuracy,
         sizes: &Sizes<S::Real>,
     ) -> Result<Self, Error> {
-        let fields: Vec<FarField<S::Real>> =
-            sizes.half_widths.iter().map(|&h| FarField::new(h, sizes.extent)).collect();
+        let fields = sizes.half_widths.iter().map(|&h| {
+            let reflected = probe::parities(kernel, h).is_some();
+            FarField::new(h, sizes.extent, if reflected { 1 } else { WHOLE_DENSITY })
+        });
+        let fields: Vec<FarField<S::Real>> = fields.collect();
         let scales = scales(kernel, sizes, &fields)?;
         let symmetric = fields.iter().all(|far| probe::symmetric(kernel, far.half_width()));
         let worst = |rule: &Chebyshev<S::Real>| {

@@ -91,7 +91,7 @@ impl<S: Scalar> Everywhere<S> {
         let at_centre = |x, y, g: &mut [S]| kernel.write(centre + x, centre + y, g);
         let kernel = Formula::new(kernel.fields, kernel.densities, &at_centre);
         let fields: Vec<FarField<S::Real>> =
-            geometry.levels.iter().map(|level| FarField::new(level.half_width, 0.0)).collect();
+            geometry.levels.iter().map(|level| FarField::new(level.half_width, 0.0, 1)).collect();
         let sides = [&kernel, &kernel.transpose()];
         let sizes = |far: &FarField<S::Real>| sides.map(|side| far.size(side));
         let sizes: Vec<[Means; 2]> = fields.iter().map(sizes).collect();

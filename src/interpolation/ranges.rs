@@ -107,7 +107,7 @@ impl<'a, S: Scalar> Factors<'a, S> {
         }
         let most = rows.values().map(Vec::len).max().unwrap_or(0);
         let squares: f64 = self.images.iter().map(|(_, weight)| weight).sum();
-        let mut width = most.min(basis.rank() / 3 + 8);
+        let mut width = most.min(basis.rank() / if self.bases.reflected { 3 } else { 2 } + 8);
         loop {
             let sketch = self.sketch(adjoint, width);
             let cut = SIDE_SHARE * self.bases.cut * (squares * width as f64).sqrt();
@@ -246,7 +246,7 @@ mod tests {
     fn worst(kernel: fn(DVec3) -> f64, reflected: bool) -> (f64, usize) {
         let entries = |x: DVec3, y: DVec3, g: &mut [f64]| g[0] = kernel(x - y);
         let (kernel, rule) = (Formula::new(1, 1, &entries), Chebyshev::new(7));
-        let far = FarField::new(0.5, 8.0);
+        let far = FarField::new(0.5, 8.0, if reflected { 1 } else { 2 });
         let parities = parities(&kernel, 0.5).map(|parities| parities.fields);
         assert_eq!(parities.is_some(), reflected);
         let basis = |kernel: &Formula<'_, f64>| {
