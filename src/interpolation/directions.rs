@@ -19,7 +19,7 @@ use crate::dense::Matrix;
 use crate::expansion::OffsetMap;
 use crate::interpolation::basis::{Basis, adjoint};
 use crate::interpolation::ranges::{Factors, Side};
-use crate::probe::{Formula, norm_squared};
+use crate::probe::{Formula, norm_squared, zero};
 use crate::products::Batched;
 use crate::real::Scalar;
 
@@ -46,6 +46,8 @@ pub(crate) struct Group<R> {
     pub(crate) spread: Vec<Part<R>>,
     /// W_o
     pub(crate) cores: Vec<Batched<R>>,
+    /// How many functions a source and a target have, in whatever part.
+    pub(crate) functions: [usize; 2],
     /// How many coordinates y and z there are, and how many with zeros that fill up registers.
     pub(crate) ranks: [usize; 2],
     pub(crate) heights: [usize; 2],
@@ -73,6 +75,45 @@ impl<R> Group<R> {
     pub(crate) fn side_multiply_adds(&self) -> usize {
         let parts = self.collect.iter().chain(&self.spread);
         parts.map(|part| part.matrix.rows * part.matrix.columns).sum()
+    }
+}
+
+impl<R: Scalar> Group<R> {
+    /// l += P W Qᴴ m for one pair of cells and all right-hand sides.
+    pub(crate) fn add_one<S: Scalar>(
+        &self,
+        place: Place,
+        m: &[S],
+        l: &mut [S],
+        enter: impl Fn(S) -> R,
+        leave: impl Fn(R) -> S,
+    ) {
+        if self.ranks.contains(&0) {
+            return;
+        }
+        let [from_len, to_len] = self.functions;
+        let count = m.len() / from_len;
+        let places = |x: usize, y: usize| (0..count).map(|c| [c * x, c * y]).collect::<Vec<_>>();
+        let [y_len, z_len] = self.heights;
+
+        let mut from: Vec<R> = m.iter().map(|&m| enter(m)).collect();
+        reflect(&self.collect, |part| part.matrix.columns, place, from_len, &mut from);
+        let mut y = vec![zero::<R>(); count * y_len];
+        for part in &self.collect {
+            let y = &mut y[part.coordinate..];
+            part.matrix.products(&places(from_len, y_len), true, &from[part.first..], y);
+        }
+        let mut z = vec![zero::<R>(); count * z_len];
+        self.cores[place.core as usize].products(&places(y_len, z_len), true, &y, &mut z);
+        // Zeros are added beyond the rows of a matrix, after the last right-hand side as well.
+        let most = self.spread.iter().map(|part| part.matrix.height).max().unwrap_or(0);
+        let mut to = vec![zero::<R>(); count * to_len + most];
+        for part in &self.spread {
+            let to = &mut to[part.first..];
+            part.matrix.products(&places(z_len, to_len), true, &z[part.coordinate..], to);
+        }
+        reflect(&self.spread, |part| part.matrix.rows, place, to_len, &mut to);
+        l.iter_mut().zip(to).for_each(|(l, to)| *l += leave(to));
     }
 }
 
@@ -189,6 +230,7 @@ impl<S: Scalar> Bases<S> {
             collect: self.parts(axes, q, &self.source, |q| batched(&adjoint(&q))),
             spread: self.parts(axes, p, &self.target, |p| batched(&p)),
             cores: cores.iter().map(batched).collect(),
+            functions: [q.functions.rows, p.functions.rows],
             ranks: [q.functions.columns, p.functions.columns],
             heights: [end(q), end(p)],
         }
@@ -224,6 +266,24 @@ impl<S: Scalar> Bases<S> {
             }
         }
         parts
+    }
+}
+
+/// Gives the functions of each part the sign that a member's reflection gives them.
+fn reflect<R: Scalar>(
+    parts: &[Part<R>],
+    functions: fn(&Part<R>) -> usize,
+    place: Place,
+    len: usize,
+    expansions: &mut [R],
+) {
+    for part in parts {
+        if (part.class & usize::from(place.member)).count_ones() % 2 == 1 {
+            for expansion in expansions.chunks_exact_mut(len) {
+                let own = &mut expansion[part.first..][..functions(part)];
+                own.iter_mut().for_each(|term| *term = -*term);
+            }
+        }
     }
 }
 

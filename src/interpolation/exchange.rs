@@ -200,7 +200,7 @@ mod tests {
         let points: Vec<DVec3> = points.into_iter().filter(|p| p.x + p.y < 0.3).collect();
         let charges: Vec<f64> = (0..points.len()).map(|i| (i as f64).sin()).collect();
         let kernel = from_fn(|x: DVec3, y: DVec3| 1.0 / x.distance(y)).skip_coincident();
-        for tolerance in [1e-3, 1e-8] {
+        for tolerance in [0.3, 0.03, 1e-3, 1e-8] {
             let plan = Fmm::builder(kernel).tolerance(tolerance).leaf_size(8);
             let fmm = plan.build(&points, &points).unwrap();
             assert!(fmm.stats().cell_pairs[0] > 10_000);

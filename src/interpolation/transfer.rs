@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use rayon::prelude::*;
 
 use crate::expansion::{LevelPairs, OffsetMap};
-use crate::interpolation::directions::{Bases, Digits, Group, Part, Place, directions};
+use crate::interpolation::directions::{Bases, Digits, Place, directions};
 use crate::interpolation::exchange::{BLOCK, Coordinates, Exchange, Pair};
 use crate::interpolation::means::{INTERACTION_OFFSETS, interaction_offsets, weight};
 use crate::pool::Pool;
@@ -96,11 +96,11 @@ impl<S: Scalar> Transfers<S> {
         let Some(place) = self.find(offset) else { return false };
         match &self.groups[usize::from(place.group)] {
             Digits::Full(group) => {
-                add_one(group, place, m, l, |m| m, |l| l * S::from_real(scale));
+                group.add_one(place, m, l, |m| m, |l| l * S::from_real(scale));
             }
             Digits::Single(group) => {
                 let leave = |l| S::from_single(l) * S::from_real(scale);
-                add_one(group, place, m, l, S::to_single, leave);
+                group.add_one(place, m, l, S::to_single, leave);
             }
         }
         true
@@ -312,60 +312,51 @@ fn near_index(offset: [i32; 3]) -> Option<usize> {
     near.then(|| offset.iter().fold(0, |index, o| index * (2 * NEAR + 1) + (o + NEAR)) as usize)
 }
 
-/// l += P W Qᴴ m for one pair of cells and all right-hand sides.
-fn add_one<S: Scalar, R: Scalar>(
-    group: &Group<R>,
-    place: Place,
-    m: &[S],
-    l: &mut [S],
-    enter: impl Fn(S) -> R,
-    leave: impl Fn(R) -> S,
-) {
-    if group.ranks.contains(&0) {
-        return;
-    }
-    let len = |parts: &[Part<R>], of: fn(&Part<R>) -> usize| {
-        parts.iter().map(|part| part.first + of(part)).max().unwrap_or(1)
-    };
-    let from_len = len(&group.collect, |part| part.matrix.columns);
-    let to_len = len(&group.spread, |part| part.matrix.rows);
-    let count = m.len() / from_len;
-    let places = |x: usize, y: usize| (0..count).map(|c| [c * x, c * y]).collect::<Vec<_>>();
-    let [y_len, z_len] = group.heights;
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::chebyshev::Chebyshev;
+    use crate::geometry::{Cell, Cube};
+    use crate::interpolation::basis::Spectrum;
+    use crate::interpolation::far_field::FarField;
+    use glam::DVec3;
+    use std::sync::Arc;
 
-    let mut from: Vec<R> = m.iter().map(|&m| enter(m)).collect();
-    reflect(&group.collect, |part| part.matrix.columns, place, from_len, &mut from);
-    let mut y = vec![zero::<R>(); count * y_len];
-    for part in &group.collect {
-        let y = &mut y[part.coordinate..];
-        part.matrix.products(&places(from_len, y_len), true, &from[part.first..], y);
-    }
-    let mut z = vec![zero::<R>(); count * z_len];
-    group.cores[place.core as usize].products(&places(y_len, z_len), true, &y, &mut z);
-    // Zeros are added beyond the rows of a matrix, after the last right-hand side as well.
-    let most = group.spread.iter().map(|part| part.matrix.height).max().unwrap_or(0);
-    let mut to = vec![zero::<R>(); count * to_len + most];
-    for part in &group.spread {
-        let to = &mut to[part.first..];
-        part.matrix.products(&places(z_len, to_len), true, &z[part.coordinate..], to);
-    }
-    reflect(&group.spread, |part| part.matrix.rows, place, to_len, &mut to);
-    l.iter_mut().zip(to).for_each(|(l, to)| *l += leave(to));
-}
-
-/// Gives the functions of each part the sign that a member's reflection gives them.
-fn reflect<R: Scalar>(
-    parts: &[Part<R>],
-    functions: fn(&Part<R>) -> usize,
-    place: Place,
-    len: usize,
-    expansions: &mut [R],
-) {
-    for part in parts {
-        if (part.class & usize::from(place.member)).count_ones() % 2 == 1 {
-            for expansion in expansions.chunks_exact_mut(len) {
-                let own = &mut expansion[part.first..][..functions(part)];
-                own.iter_mut().for_each(|term| *term = -*term);
+    #[test]
+    fn a_pair_alone_and_a_pair_of_a_level_are_the_same() {
+        let entries = |x: DVec3, y: DVec3, g: &mut [f64]| g[0] = 1.0 / x.distance(y);
+        let (kernel, rule) = (Formula::new(1, 1, &entries), Chebyshev::new(4));
+        let far = FarField::new(1.0 / 32.0, 8.0, 1);
+        let spectrum = Spectrum::new(&kernel, Some(&[0]), &far, &rule, f64::INFINITY).unwrap();
+        let offsets: Vec<[i32; 3]> = interaction_offsets().collect();
+        let root = Cube::new(DVec3::splat(0.5), 0.5);
+        // So coarse a cut-off leaves some parities without a function, some without a coordinate.
+        for cut in [1e-2, 1e-3, 1e-6].map(|share| share / far.half_width()) {
+            let basis = Arc::new(spectrum.basis(cut, &rule));
+            let (source, target) = (Arc::clone(&basis), Arc::clone(&basis));
+            let bases =
+                Bases { half_width: far.half_width(), source, target, reflected: true, cut };
+            let transfers = Transfers::new(&kernel, &bases, &offsets);
+            let m: Vec<f64> = (0..2 * basis.rank()).map(|i| (i as f64 + 0.5).sin()).collect();
+            for &offset in &offsets {
+                let mut alone = vec![0.0; m.len()];
+                assert!(transfers.add(offset, 2.0, &m, &mut alone));
+                let cell = |at: [i32; 3]| Cell::new(&root, 4, at.map(|x| x as u32));
+                let pairs = LevelPairs {
+                    level: 4,
+                    sources: &[cell([8; 3])],
+                    targets: &[cell(offset.map(|o| 8 + o))],
+                    starts: &[0, 1],
+                    list: &[0],
+                    first_source: 0,
+                };
+                let mut level = vec![0.0; m.len()];
+                transfers.add_level(&pairs, 2.0, 2, &m, &mut level, &|_, _, _| unreachable!());
+                let size = alone.iter().fold(0.0f64, |a, l| a.max(l.abs()));
+                for (a, b) in alone.iter().zip(&level) {
+                    assert!((a - b).abs() <= 1e-5 * size, "{offset:?}: {a} {b}");
+                }
+                assert!(size > 0.0);
             }
         }
     }
