@@ -29,7 +29,7 @@ pub(crate) struct Args {
     pub(crate) scheme: SchemeName,
 
     /// How the equation B = E + ρH is solved
-    #[arg(long, value_enum, default_value_t = SolverName::Jacobi)]
+    #[arg(long, value_enum, default_value_t = SolverName::Cg)]
     pub(crate) solver: SolverName,
 
     /// Let light pass through walls and blocks: no shadows
@@ -71,6 +71,8 @@ pub(crate) enum SchemeName {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum SolverName {
+    /// Conjugate gradients: a few sums over all surfels, however white they are
+    Cg,
     /// All surfels gather at once, bounce after bounce
     Jacobi,
     /// The surfel with the most unshot light shoots, one after the other; every pair by itself

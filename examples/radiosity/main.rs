@@ -122,9 +122,9 @@ fn run(args: &Args) -> Result<Report, Failure> {
     let picture = view.render(&camera, PICTURE_SIZE, || bar.inc(1));
     bar.finish_and_clear();
 
-    // Each bounce gathers once; Southwell's shots, pair by pair as they are, weigh as one.
+    // Each iteration gathers once; Southwell's shots, pair by pair as they are, weigh as one.
     let sums = match args.solver {
-        SolverName::Jacobi => solution.iterations,
+        SolverName::Cg | SolverName::Jacobi => solution.iterations,
         SolverName::Southwell => 1,
     };
     let report = Report {

@@ -4,7 +4,8 @@ use std::convert::Infallible;
 
 use farfield::Mask;
 use farfield_radiosity::{
-    Error, Irradiance, Solution, Stop, Visibility, energy_balance, jacobi, southwell,
+    Error, Irradiance, Solution, Stop, Visibility, conjugate_gradients, energy_balance, jacobi,
+    southwell,
 };
 use rayon::prelude::*;
 
@@ -34,6 +35,11 @@ pub(crate) fn solve(
     let report = |_, residual: f64| progress::show(&bar, residual.ln() / tolerance.ln());
     let Surfels { surfels, reflectance, emission, .. } = surfels;
     let solution = match args.solver {
+        SolverName::Cg => {
+            let stop = Stop { tolerance, max_iterations: MAX_BOUNCES };
+            let apply = |b: &[Rgb]| gather.apply(b);
+            conjugate_gradients(surfels, emission, reflectance, stop, apply, report)
+        }
         SolverName::Jacobi => {
             let stop = Stop { tolerance, max_iterations: MAX_BOUNCES };
             jacobi(emission, reflectance, stop, |b| gather.apply(b), report)
@@ -92,12 +98,12 @@ mod tests {
     use farfield_radiosity::Occluders;
 
     #[test]
-    fn gathering_and_shooting_agree_and_keep_the_energy() {
+    fn all_solvers_agree_and_keep_the_energy() {
         let scene = Scene::cornell_box();
         let walls = Occluders::new(&triangles(&scene)).expect("finite");
         let visibility = Visibility::new(&walls);
         let surfels = Surfels::new(&scene, 400);
-        let solved = ["jacobi", "southwell"].map(|solver| {
+        let solved = ["cg", "jacobi", "southwell"].map(|solver| {
             let mut args = Args::parse_from(["radiosity", "--scheme=direct", "--solver", solver]);
             args.tolerance = 1e-4;
             let gather =
@@ -107,10 +113,13 @@ mod tests {
             assert!(residual < 1e-4, "{solver}: {residual:e}");
             solution
         });
-        let [jacobi, southwell] = &solved;
+        let [cg, jacobi, southwell] = &solved;
+        assert!(cg.iterations < jacobi.iterations);
         assert!(southwell.iterations > 10 * jacobi.iterations);
         let lit = jacobi.radiosity.iter().filter(|b| b[0] > 0.1).count();
         assert!(lit > surfels.surfels.len() * 9 / 10, "light reaches nearly every corner: {lit}");
-        assert!(relative_l2_error(&jacobi.radiosity, &southwell.radiosity) < 1e-4);
+        for other in [cg, southwell] {
+            assert!(relative_l2_error(&other.radiosity, &jacobi.radiosity) < 1e-4);
+        }
     }
 }

@@ -30,6 +30,14 @@ pub enum Error {
         /// Its area.
         area: f64,
     },
+    /// Corners that don't make a patch.
+    #[error("a patch with corners at {corners:?}: expected {expected}")]
+    InvalidPatch {
+        /// The corners.
+        corners: Vec<[f64; 3]>,
+        /// What they must be or have.
+        expected: &'static str,
+    },
     /// A reflectance outside the half-open interval [0, 1).
     #[error(
         "surfel {index} has the reflectance {found} in band {band}: expected 0 or more, and less than 1"
@@ -90,6 +98,17 @@ pub enum Error {
         iterations: usize,
         /// The relative residual reached.
         residual: f64,
+    },
+    /// Conjugate gradients met a direction in which the radiosity equation only gains light.
+    #[error(
+        "the radiosity equation is not positive definite in band {band}, found after {iterations} \
+         iterations; expected reflectances times row sums of the form factors below 1"
+    )]
+    NotPositiveDefinite {
+        /// Iterations made.
+        iterations: usize,
+        /// Index of the band.
+        band: usize,
     },
     /// A solver did not reach its tolerance within the iterations it was given.
     #[error(

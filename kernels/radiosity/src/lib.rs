@@ -27,10 +27,13 @@
 
 mod bounds;
 mod bvh;
+mod conjugate;
+mod contour;
 mod error;
 mod facet;
 mod facing;
 mod kernel;
+mod patch;
 mod scene;
 mod shaft;
 mod sixteen_moment;
@@ -39,10 +42,12 @@ mod surfel;
 mod visibility;
 
 pub use bvh::{Hit, Occluders};
+pub use conjugate::conjugate_gradients;
 pub use error::Error;
 pub use facet::Triangle;
 pub use facing::Facing;
 pub use kernel::Irradiance;
+pub use patch::Patch;
 pub use scene::{Scene, furnace, quad_surfels, quad_triangles, sphere_interior, two_rooms};
 pub use sixteen_moment::SixteenMoment;
 pub use solve::{EnergyBalance, Solution, Stop, energy_balance, jacobi, southwell};

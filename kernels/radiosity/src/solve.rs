@@ -33,7 +33,7 @@ pub struct Solution<T, const BANDS: usize> {
     pub radiosity: Vec<[T; BANDS]>,
     /// Irradiance H(B) of each surfel.
     pub irradiance: Vec<[T; BANDS]>,
-    /// Iterations made: applications of H when gathering, shots when shooting.
+    /// Iterations made: shots when shooting, applications of H otherwise.
     pub iterations: usize,
     /// The residual of this B; see [`Stop`].
     pub residual: f64,
@@ -193,7 +193,7 @@ pub fn energy_balance<T: Real, const BANDS: usize>(
 }
 
 /// Decides when an iteration ends.
-struct Watch {
+pub(crate) struct Watch {
     stop: Stop,
     best: f64,
 }
@@ -202,12 +202,12 @@ struct Watch {
 const DIVERGENCE: f64 = 100.0;
 
 impl Watch {
-    fn new(stop: Stop) -> Self {
+    pub(crate) fn new(stop: Stop) -> Self {
         Self { stop, best: f64::INFINITY }
     }
 
     /// Whether the tolerance is reached; an error if it never will be or may no longer be tried.
-    fn is_done(&mut self, iterations: usize, residual: f64) -> Result<bool, Error> {
+    pub(crate) fn is_done(&mut self, iterations: usize, residual: f64) -> Result<bool, Error> {
         if residual <= self.stop.tolerance {
             return Ok(true);
         }
@@ -224,7 +224,7 @@ impl Watch {
 }
 
 /// The largest ‖r‖₂ / ‖E‖₂ over the bands; a band without light has none.
-fn relative_residual<T: Real, const BANDS: usize>(
+pub(crate) fn relative_residual<T: Real, const BANDS: usize>(
     residuals: &[[T; BANDS]],
     emission: &[[T; BANDS]],
 ) -> f64 {
@@ -239,13 +239,13 @@ fn relative_residual<T: Real, const BANDS: usize>(
     ratios.fold(0.0, |largest, ratio| if ratio <= largest { largest } else { ratio })
 }
 
-fn add<T: Real, const BANDS: usize>(sum: &mut [T; BANDS], term: &[T; BANDS]) {
+pub(crate) fn add<T: Real, const BANDS: usize>(sum: &mut [T; BANDS], term: &[T; BANDS]) {
     for (s, t) in sum.iter_mut().zip(term) {
         *s += *t;
     }
 }
 
-fn check<T: Real, const BANDS: usize>(
+pub(crate) fn check<T: Real, const BANDS: usize>(
     emission: &[[T; BANDS]],
     reflectance: &[[T; BANDS]],
 ) -> Result<(), Error> {
@@ -254,7 +254,7 @@ fn check<T: Real, const BANDS: usize>(
     check_reflectance(reflectance)
 }
 
-fn check_length(what: &'static str, found: usize, expected: usize) -> Result<(), Error> {
+pub(crate) fn check_length(what: &'static str, found: usize, expected: usize) -> Result<(), Error> {
     if found == expected { Ok(()) } else { Err(Error::LengthMismatch { what, expected, found }) }
 }
 

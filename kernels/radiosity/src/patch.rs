@@ -1,0 +1,435 @@
+//! Flat patches and the exact exchange of diffuse light between them.
+
+use std::f64::consts::TAU;
+
+use glam::DVec3;
+
+use crate::contour::contour_integral;
+use crate::error::Error;
+
+/// A flat convex piece of surface with three or four corners.
+///
+/// Form factors between patches are those of their whole areas, not of their centroids: touching
+/// patches, where the centroid rule never converges, are as exact as distant ones. Visibility is not
+/// looked at.
+///
+/// ```
+/// use farfield_radiosity::Patch;
+/// use glam::DVec3;
+///
+/// let [x, y, z] = DVec3::AXES;
+/// let floor = Patch::new(&[DVec3::ZERO, x, x + y, y])?;
+/// let wall = Patch::new(&[DVec3::ZERO, y, y + z, z])?;
+/// // Two walls of a cube (Howell, "A Catalog of Radiation Heat Transfer Configuration Factors", C-14).
+/// assert!((floor.form_factor(&wall) - 0.200_043_776_075_403).abs() < 1e-12);
+/// # Ok::<(), farfield_radiosity::Error>(())
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Patch {
+    corners: [DVec3; 4],
+    count: usize,
+    normal: DVec3,
+    area: f64,
+}
+
+/// How far a corner may lie off the plane of the others, relative to the patch.
+const FLATNESS: f64 = 1e-6;
+
+/// What is closer to a plane than this counts as in it, relative to the distance between the two.
+const ON_PLANE: f64 = 1e-12;
+
+/// The most corners that a patch has once a plane has cut it.
+const MOST: usize = 5;
+
+impl Patch {
+    /// The patch with these corners, counter-clockwise around its front.
+    ///
+    /// # Errors
+    /// [`Error::InvalidPatch`] unless there are three or four of them, all finite, of a convex polygon
+    /// that has an area and is flat to a millionth of its size. A quadrilateral that isn't flat is two
+    /// triangles.
+    pub fn new(corners: &[DVec3]) -> Result<Self, Error> {
+        let invalid = |expected| {
+            let corners = corners.iter().map(DVec3::to_array).collect();
+            Err(Error::InvalidPatch { corners, expected })
+        };
+        let &[a, b, c, ..] = corners else { return invalid("three or four corners") };
+        if corners.len() > 4 {
+            return invalid("three or four corners");
+        }
+        if !corners.iter().all(|corner| corner.is_finite()) {
+            return invalid("finite coordinates");
+        }
+        let d = corners.get(3).copied().unwrap_or(c);
+        // The vector area of a quadrilateral is half the product of its diagonals.
+        let vector_area = 0.5 * (c - a).cross(if corners.len() == 3 { c - b } else { d - b });
+        let size = corners.iter().map(|&corner| corner.distance(a)).fold(0.0, f64::max);
+        let Some(normal) = vector_area.try_normalize() else { return invalid("an area") };
+        let area = vector_area.length();
+        if area <= f64::EPSILON * size * size {
+            return invalid("an area");
+        }
+        if corners.iter().any(|&corner| normal.dot(corner - a).abs() > FLATNESS * size) {
+            return invalid("corners in one plane");
+        }
+        let count = corners.len();
+        let turn = |k: usize| {
+            let [p, q, r] = [0, 1, 2].map(|next| corners[(k + next) % count]);
+            normal.dot((q - p).cross(r - q))
+        };
+        if (0..count).any(|k| turn(k) < -FLATNESS * size * size) {
+            return invalid("corners of a convex polygon, one after the other");
+        }
+        Ok(Self { corners: [a, b, c, d], count, normal, area })
+    }
+
+    /// Its corners, counter-clockwise around its front.
+    pub fn corners(&self) -> &[DVec3] {
+        &self.corners[..self.count]
+    }
+
+    /// Unit normal on the side that radiates and receives.
+    pub fn normal(&self) -> DVec3 {
+        self.normal
+    }
+
+    /// Its area.
+    pub fn area(&self) -> f64 {
+        self.area
+    }
+
+    /// Its centre of area.
+    pub fn centroid(&self) -> DVec3 {
+        let [a, b, c, d] = self.corners;
+        let part = |b: DVec3, c: DVec3| {
+            let twice = self.normal.dot((b - a).cross(c - a));
+            (twice * (b - a + c - a) / 3.0, twice)
+        };
+        // The second triangle of a triangular patch has no area.
+        let [(first, first_area), (second, second_area)] = [part(b, c), part(c, d)];
+        a + (first + second) / (first_area + second_area)
+    }
+
+    /// The form factor from a point of a surface to this patch: the fraction of the light that leaves
+    /// it there which arrives here, if nothing is in between. `normal` is the surface's, a unit vector.
+    /// What lies below its horizon doesn't count, nor does a patch seen from behind.
+    ///
+    /// F = 1/(2π) Σ_k β_k n·(r_k × r_{k+1}) / |r_k × r_{k+1}|, with r_k the corners as seen from the
+    /// point and β_k the angle between r_k and r_{k+1} (Lambert, "Photometria", 1760; Howell, "A Catalog
+    /// of Radiation Heat Transfer Configuration Factors").
+    pub fn form_factor_from(&self, point: DVec3, normal: DVec3) -> f64 {
+        if self.normal.dot(point - self.corners[0]) <= 0.0 {
+            return 0.0;
+        }
+        let above = Cut::new(self.corners(), point, normal);
+        let corners = above.corners();
+        let sum: f64 = edges(corners)
+            .map(|(a, b)| {
+                let (a, b) = (a - point, b - point);
+                let cross = a.cross(b);
+                let sine = cross.length();
+                // An edge that points at the point covers no angle.
+                if sine > 0.0 { sine.atan2(a.dot(b)) * normal.dot(cross) / sine } else { 0.0 }
+            })
+            .sum();
+        // Seen from its front, the corners go clockwise around the line of sight.
+        (-sum / TAU).clamp(0.0, 1.0)
+    }
+
+    /// The form factor to another patch, visibility aside: the fraction of the light that leaves this
+    /// one which arrives at the other.
+    pub fn form_factor(&self, other: &Self) -> f64 {
+        self.exchange(other) / self.area
+    }
+
+    /// A_1 F_12 = A_2 F_21, the exchange area, in squared scene units: 0 or more, and the same from
+    /// either side but for rounding.
+    ///
+    /// A F = 1/(2π) ∮∮ ln r ds_1·ds_2 over the parts of both that are above the other's horizon
+    /// (Sparrow, "A new and simpler formulation for radiative angle factors", J. Heat Transfer 85,
+    /// 1963).
+    pub fn exchange(&self, other: &Self) -> f64 {
+        let own = Cut::new(self.corners(), other.corners[0], other.normal);
+        let theirs = Cut::new(other.corners(), self.corners[0], self.normal);
+        let (own, theirs) = (own.corners(), theirs.corners());
+        if own.len() < 3 || theirs.len() < 3 {
+            return 0.0;
+        }
+        // Lengths of about one keep logarithms, and what cancels among them, small.
+        let (from, to) = (mean(own), mean(theirs));
+        let unit = edges(own)
+            .chain(edges(theirs))
+            .map(|(a, b)| a.distance(b))
+            .fold(from.distance(to), f64::max);
+        let mut sum = 0.0;
+        for (a, b) in edges(own) {
+            for (c, d) in edges(theirs) {
+                let [a, b, c, d] = [a, b, c, d].map(|corner| (corner - from) / unit);
+                sum += contour_integral([a, b], [c, d]);
+            }
+        }
+        (sum / TAU * unit * unit).clamp(0.0, self.area.min(other.area))
+    }
+}
+
+/// A convex polygon that a plane may have cut.
+struct Cut {
+    corners: [DVec3; MOST],
+    count: usize,
+}
+
+impl Cut {
+    /// What of a polygon lies on the side of a plane to which `normal` points (Sutherland and Hodgman,
+    /// "Reentrant polygon clipping", CACM 17, 1974).
+    fn new(polygon: &[DVec3], origin: DVec3, normal: DVec3) -> Self {
+        let heights = |corner: DVec3| normal.dot(corner - origin);
+        let far = polygon.iter().map(|corner| corner.distance(origin)).fold(0.0, f64::max);
+        let height = |corner: DVec3| {
+            let height = heights(corner);
+            if height.abs() <= ON_PLANE * far { 0.0 } else { height }
+        };
+        let mut cut = Self { corners: [DVec3::ZERO; MOST], count: 0 };
+        if polygon.iter().all(|&corner| height(corner) <= 0.0) {
+            return cut;
+        }
+        for (a, b) in edges(polygon) {
+            let (above, below) = (height(a), height(b));
+            if above >= 0.0 {
+                cut.push(a);
+            }
+            if above * below < 0.0 {
+                cut.push(a.lerp(b, above / (above - below)));
+            }
+        }
+        cut
+    }
+
+    fn push(&mut self, corner: DVec3) {
+        if self.count < MOST {
+            self.corners[self.count] = corner;
+            self.count += 1;
+        }
+    }
+
+    fn corners(&self) -> &[DVec3] {
+        &self.corners[..self.count]
+    }
+}
+
+/// The edges of a polygon.
+fn edges(corners: &[DVec3]) -> impl Iterator<Item = (DVec3, DVec3)> + Clone {
+    corners.iter().copied().zip(corners.iter().copied().cycle().skip(1))
+}
+
+fn mean(corners: &[DVec3]) -> DVec3 {
+    corners.iter().sum::<DVec3>() / corners.len() as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+    use proptest::prelude::*;
+
+    const X: DVec3 = DVec3::X;
+    const Y: DVec3 = DVec3::Y;
+    const Z: DVec3 = DVec3::Z;
+
+    fn patch(corners: &[DVec3]) -> Patch {
+        Patch::new(corners).unwrap()
+    }
+
+    /// The parallelogram at `origin` along `u` and `v`, with its front towards u × v.
+    fn parallelogram(origin: DVec3, u: DVec3, v: DVec3) -> Patch {
+        patch(&[origin, origin + u, origin + u + v, origin + v])
+    }
+
+    fn turned(patch: &Patch) -> Patch {
+        Patch::new(&patch.corners().iter().rev().copied().collect::<Vec<_>>()).unwrap()
+    }
+
+    #[track_caller]
+    fn assert_factor(from: &Patch, to: &Patch, exact: f64) {
+        assert_relative_eq!(from.form_factor(to), exact, max_relative = 1e-10);
+        assert_relative_eq!(to.exchange(from), from.area() * exact, max_relative = 1e-10);
+    }
+
+    #[test]
+    fn parallel_rectangles() {
+        let exact = [
+            (0.1, 0.8269945223972566),
+            (0.5, 0.4152532835771467),
+            (1.0, 0.1998248956983874),
+            (2.0, 0.06858958881855245),
+            (10.0, 0.003162056838757602),
+        ];
+        for (distance, factor) in exact {
+            let ceiling = parallelogram(Z * distance, Y, X);
+            assert_factor(&parallelogram(DVec3::ZERO, X, Y), &ceiling, factor);
+        }
+        let floor = parallelogram(DVec3::ZERO, 2.0 * X, Y);
+        assert_factor(&floor, &parallelogram(Z, Y, 2.0 * X), 0.2858753848507147);
+    }
+
+    #[test]
+    fn rectangles_that_share_an_edge() {
+        for (height, width, factor) in [
+            (1.0, 1.0, 0.2000437760754032),
+            (2.0, 1.0, 0.2328526027953619),
+            (0.1, 1.0, 0.04325136940068586),
+            (1.0, 0.1, 0.4325136940068586),
+        ] {
+            let floor = parallelogram(DVec3::ZERO, width * X, Y);
+            let wall = parallelogram(DVec3::ZERO, Y, height * Z);
+            assert_factor(&floor, &wall, factor);
+        }
+    }
+
+    #[test]
+    fn faces_of_closed_bodies_that_meet_at_edges_and_corners() {
+        let corners = [X + Y + Z, X - Y - Z, Y - X - Z, Z - X - Y];
+        let faces = [[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]].map(|face| {
+            let face = patch(&face.map(|k: usize| corners[k]));
+            if face.normal().dot(face.centroid()) < 0.0 { face } else { turned(&face) }
+        });
+        for (i, from) in faces.iter().enumerate() {
+            for (j, to) in faces.iter().enumerate() {
+                if i != j {
+                    assert_factor(from, to, 1.0 / 3.0);
+                }
+            }
+            assert_eq!(from.exchange(from), 0.0);
+        }
+    }
+
+    #[test]
+    fn a_patch_seen_from_a_point() {
+        let above = parallelogram(Z, Y, X);
+        let factor = |p: DVec3, normal: DVec3, patch: &Patch| patch.form_factor_from(p, normal);
+        assert_relative_eq!(factor(DVec3::ZERO, Z, &above), 0.138_531_605_994_893, epsilon = 1e-15);
+        let centred = factor(DVec3::new(0.5, 0.5, 0.0), Z, &above);
+        assert_relative_eq!(centred, 0.2394564704607735, epsilon = 1e-15);
+        let beside = parallelogram(X, Z, Y);
+        assert_relative_eq!(factor(DVec3::ZERO, Z, &beside), 0.0557341970025535, epsilon = 1e-15);
+        let triangle = patch(&[Z, Z + Y, Z + X]);
+        assert_relative_eq!(
+            factor(DVec3::ZERO, Z, &triangle),
+            0.096_225_044_864_938,
+            epsilon = 1e-15
+        );
+        assert_eq!(factor(DVec3::ZERO, -Z, &above), 0.0, "below the horizon");
+        assert_eq!(factor(2.0 * Z, -Z, &above), 0.0, "from behind");
+    }
+
+    #[test]
+    fn light_from_a_point_in_a_closed_room_arrives_somewhere() {
+        let (low, high) = (DVec3::ZERO, DVec3::ONE);
+        let walls = [
+            parallelogram(low, X, Y),
+            parallelogram(low, Y, Z),
+            parallelogram(low, Z, X),
+            parallelogram(high, -Y, -X),
+            parallelogram(high, -Z, -Y),
+            parallelogram(high, -X, -Z),
+        ];
+        for normal in [Z, DVec3::new(0.6, -0.3, 0.2).normalize(), DVec3::splat(-1.0).normalize()] {
+            for point in [DVec3::splat(0.5), DVec3::new(0.01, 0.99, 0.3)] {
+                let seen = walls.iter().map(|wall| wall.form_factor_from(point, normal));
+                assert_relative_eq!(seen.sum::<f64>(), 1.0, epsilon = 1e-13);
+            }
+        }
+        for wall in &walls {
+            let row: f64 = walls.iter().map(|other| wall.form_factor(other)).sum();
+            assert_relative_eq!(row, 1.0, epsilon = 1e-11);
+        }
+    }
+
+    #[test]
+    fn what_lies_below_the_horizon_is_cut_off() {
+        let floor = parallelogram(DVec3::ZERO, X, Y);
+        let through = parallelogram(-Z, Y, 3.0 * Z);
+        assert_factor(&floor, &through, 0.2328526027953619);
+        let below = parallelogram(-3.0 * Z, Y, 2.0 * Z);
+        assert_eq!(floor.exchange(&below), 0.0);
+        assert_eq!(floor.exchange(&turned(&parallelogram(Z, Y, X))), 0.0);
+        // A plane of the same front, and one that only touches.
+        assert_eq!(floor.exchange(&parallelogram(X, X, Y)), 0.0);
+    }
+
+    #[test]
+    fn edges_that_pass_each_other_closely_are_cut_there() {
+        let bar = |angle: f64| {
+            let (u, v) = (DVec3::new(angle.cos(), angle.sin(), 0.0), Z);
+            let v = v.cross(u) * 0.3;
+            parallelogram(-0.5 * (u + v), u, v)
+        };
+        let floor = bar(0.0);
+        for (gap, turn) in [(1e-1, 1.0), (1e-2, 0.3), (1e-4, 1.2)] {
+            let mut ceiling = turned(&bar(turn));
+            ceiling.corners.iter_mut().for_each(|corner| corner.z += gap);
+            let exchange = floor.exchange(&ceiling);
+            assert!(exchange > 0.0);
+            assert_relative_eq!(ceiling.exchange(&floor), exchange, max_relative = 1e-9);
+        }
+    }
+
+    #[test]
+    fn corners_that_are_no_patch_are_refused() {
+        let expected = |corners: &[DVec3]| match Patch::new(corners) {
+            Err(Error::InvalidPatch { expected, .. }) => expected,
+            other => panic!("{other:?}"),
+        };
+        assert_eq!(expected(&[X, Y]), "three or four corners");
+        assert_eq!(expected(&[X, Y, Z, DVec3::ONE, DVec3::ZERO]), "three or four corners");
+        assert_eq!(expected(&[X, Y, DVec3::NAN]), "finite coordinates");
+        assert_eq!(expected(&[X, 2.0 * X, 3.0 * X]), "an area");
+        assert_eq!(expected(&[X, X, X]), "an area");
+        assert_eq!(expected(&[DVec3::ZERO, X, X + Y + 0.1 * Z, Y]), "corners in one plane");
+        let dart = [DVec3::ZERO, X, 0.2 * (X + Y), Y];
+        assert_eq!(expected(&dart), "corners of a convex polygon, one after the other");
+        let bow = [DVec3::ZERO, X, 0.5 * X + Y, 0.6 * X - 0.1 * Y];
+        assert_eq!(expected(&bow), "corners of a convex polygon, one after the other");
+    }
+
+    /// The exchange by Gauss's rule over the first patch, `n` × `n` points on each half.
+    fn by_points(from: &Patch, to: &Patch, n: usize) -> f64 {
+        let [a, b, c, d] = from.corners;
+        let mut sum = 0.0;
+        for (b, c) in [(b, c), (c, d)] {
+            let twice = (b - a).cross(c - a).length();
+            for i in 0..n * n {
+                let [u, v] = [i / n, i % n].map(|k| (k as f64 + 0.5) / n as f64);
+                let point = a + (b - a) * (u * (1.0 - v)) + (c - a) * (u * v);
+                sum += twice * u / (n * n) as f64 * to.form_factor_from(point, from.normal);
+            }
+        }
+        sum
+    }
+
+    proptest! {
+        #[test]
+        fn exchange_is_the_mean_over_points_adds_up_and_scales(
+            corners in prop::array::uniform6(prop::array::uniform3(-1.0f64..1.0)),
+            lift in 0.1f64..2.0,
+            scale in 1e-3f64..1e3,
+        ) {
+            let c = corners.map(DVec3::from_array);
+            let Ok(from) = Patch::new(&c[..3]) else { return Ok(()) };
+            let offset = from.normal() * lift;
+            let Ok(to) = Patch::new(&[c[3] + offset, c[4] + offset, c[5] + offset]) else { return Ok(()) };
+            prop_assume!(from.area() > 0.05 && to.area() > 0.05);
+            let exchange = from.exchange(&to);
+            prop_assert!((exchange - by_points(&from, &to, 64)).abs() < 2e-3);
+            prop_assert!((exchange - to.exchange(&from)).abs() < 1e-9);
+            // Cut along a line from a corner to the middle of the edge opposite.
+            let middle = 0.5 * (c[1] + c[2]);
+            let [one, other] = [[c[0], c[1], middle], [c[0], middle, c[2]]].map(|half| patch(&half));
+            prop_assert!((one.exchange(&to) + other.exchange(&to) - exchange).abs() < 1e-9);
+            let scaled = |patch: &Patch| {
+                Patch::new(&patch.corners().iter().map(|&c| c * scale).collect::<Vec<_>>()).unwrap()
+            };
+            let large = scaled(&from).exchange(&scaled(&to)) / (scale * scale);
+            prop_assert!((large - exchange).abs() < 1e-9);
+        }
+    }
+}
