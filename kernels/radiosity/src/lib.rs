@@ -29,6 +29,7 @@ mod bounds;
 mod bvh;
 mod conjugate;
 mod contour;
+mod cut;
 mod error;
 mod facet;
 mod facing;

@@ -5,6 +5,7 @@ use std::f64::consts::TAU;
 use glam::DVec3;
 
 use crate::contour::contour_integral;
+use crate::cut::{Cut, edges, mean};
 use crate::error::Error;
 
 /// A flat convex piece of surface with three or four corners.
@@ -34,12 +35,6 @@ pub struct Patch {
 
 /// How far a corner may lie off the plane of the others, relative to the patch.
 const FLATNESS: f64 = 1e-6;
-
-/// What is closer to a plane than this counts as in it, relative to the distance between the two.
-const ON_PLANE: f64 = 1e-12;
-
-/// The most corners that a patch has once a plane has cut it.
-const MOST: usize = 5;
 
 impl Patch {
     /// The patch with these corners, counter-clockwise around its front.
@@ -170,59 +165,6 @@ impl Patch {
         }
         (sum / TAU * unit * unit).clamp(0.0, self.area.min(other.area))
     }
-}
-
-/// A convex polygon that a plane may have cut.
-struct Cut {
-    corners: [DVec3; MOST],
-    count: usize,
-}
-
-impl Cut {
-    /// What of a polygon lies on the side of a plane to which `normal` points (Sutherland and Hodgman,
-    /// "Reentrant polygon clipping", CACM 17, 1974).
-    fn new(polygon: &[DVec3], origin: DVec3, normal: DVec3) -> Self {
-        let heights = |corner: DVec3| normal.dot(corner - origin);
-        let far = polygon.iter().map(|corner| corner.distance(origin)).fold(0.0, f64::max);
-        let height = |corner: DVec3| {
-            let height = heights(corner);
-            if height.abs() <= ON_PLANE * far { 0.0 } else { height }
-        };
-        let mut cut = Self { corners: [DVec3::ZERO; MOST], count: 0 };
-        if polygon.iter().all(|&corner| height(corner) <= 0.0) {
-            return cut;
-        }
-        for (a, b) in edges(polygon) {
-            let (above, below) = (height(a), height(b));
-            if above >= 0.0 {
-                cut.push(a);
-            }
-            if above * below < 0.0 {
-                cut.push(a.lerp(b, above / (above - below)));
-            }
-        }
-        cut
-    }
-
-    fn push(&mut self, corner: DVec3) {
-        if self.count < MOST {
-            self.corners[self.count] = corner;
-            self.count += 1;
-        }
-    }
-
-    fn corners(&self) -> &[DVec3] {
-        &self.corners[..self.count]
-    }
-}
-
-/// The edges of a polygon.
-fn edges(corners: &[DVec3]) -> impl Iterator<Item = (DVec3, DVec3)> + Clone {
-    corners.iter().copied().zip(corners.iter().copied().cycle().skip(1))
-}
-
-fn mean(corners: &[DVec3]) -> DVec3 {
-    corners.iter().sum::<DVec3>() / corners.len() as f64
 }
 
 #[cfg(test)]
