@@ -3,7 +3,7 @@
 use farfield::Real;
 
 use crate::error::Error;
-use crate::solve::{Solution, Stop, Watch, add, check, check_length, relative_residual};
+use crate::solve::{Solution, Stop, Watch, add, check, check_length, relative_residual, residuals};
 use crate::surfel::{Surfel, check_surfels};
 
 /// The radiosity equation by conjugate gradients on its symmetric form, from B = E:
@@ -55,13 +55,7 @@ pub fn conjugate_gradients<T: Real, const BANDS: usize, E: Into<Error>>(
     loop {
         iterations += 1;
         let irradiance = apply(&radiosity)?;
-        let mut r: Vec<[T; BANDS]> = (0..radiosity.len())
-            .map(|i| {
-                std::array::from_fn(|k| {
-                    emission[i][k] + reflectance[i][k] * irradiance[i][k] - radiosity[i][k]
-                })
-            })
-            .collect();
+        let mut r = residuals(emission, reflectance, &irradiance, &radiosity);
         let residual = relative_residual(&r, emission);
         progress(iterations, residual);
         if watch.is_done(iterations, residual)? {

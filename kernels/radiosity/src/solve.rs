@@ -61,17 +61,12 @@ pub fn jacobi<T: Real, const BANDS: usize, E: Into<Error>>(
     check(emission, reflectance)?;
     let mut watch = Watch::new(stop);
     let mut radiosity = emission.to_vec();
-    let mut residuals = emission.to_vec();
     let mut iteration = 0;
     loop {
         iteration += 1;
         let irradiance = gather(&radiosity).map_err(E::into)?;
         check_length("irradiance", irradiance.len(), emission.len())?;
-        for (i, r) in residuals.iter_mut().enumerate() {
-            *r = std::array::from_fn(|k| {
-                emission[i][k] + reflectance[i][k] * irradiance[i][k] - radiosity[i][k]
-            });
-        }
+        let residuals = residuals(emission, reflectance, &irradiance, &radiosity);
         let residual = relative_residual(&residuals, emission);
         progress(iteration, residual);
         if watch.is_done(iteration, residual)? {
@@ -221,6 +216,19 @@ impl Watch {
         self.best = self.best.min(residual);
         Ok(false)
     }
+}
+
+/// r = E + ρ H − B.
+pub(crate) fn residuals<T: Real, const BANDS: usize>(
+    emission: &[[T; BANDS]],
+    reflectance: &[[T; BANDS]],
+    irradiance: &[[T; BANDS]],
+    radiosity: &[[T; BANDS]],
+) -> Vec<[T; BANDS]> {
+    let residual = |i: usize, k: usize| {
+        emission[i][k] + reflectance[i][k] * irradiance[i][k] - radiosity[i][k]
+    };
+    (0..emission.len()).map(|i| std::array::from_fn(|k| residual(i, k))).collect()
 }
 
 /// The largest ‖r‖₂ / ‖E‖₂ over the bands; a band without light has none.
