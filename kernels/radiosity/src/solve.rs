@@ -225,10 +225,10 @@ pub(crate) fn residuals<T: Real, const BANDS: usize>(
     irradiance: &[[T; BANDS]],
     radiosity: &[[T; BANDS]],
 ) -> Vec<[T; BANDS]> {
-    let residual = |i: usize, k: usize| {
+    let r = |i: usize, k: usize| {
         emission[i][k] + reflectance[i][k] * irradiance[i][k] - radiosity[i][k]
     };
-    (0..emission.len()).map(|i| std::array::from_fn(|k| residual(i, k))).collect()
+    (0..emission.len()).map(|i| std::array::from_fn(|k| r(i, k))).collect()
 }
 
 /// The largest ‖r‖₂ / ‖E‖₂ over the bands; a band without light has none.
