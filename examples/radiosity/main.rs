@@ -10,10 +10,14 @@ mod camera;
 mod check;
 mod cornell;
 mod gather;
+#[expect(dead_code, reason = "not yet in use")]
+mod mesh;
 mod output;
 mod progress;
 mod render;
 mod report;
+#[expect(dead_code, reason = "not yet in use")]
+mod scene;
 mod shading;
 mod solve;
 mod surfels;

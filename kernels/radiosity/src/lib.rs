@@ -30,6 +30,7 @@ mod bvh;
 mod conjugate;
 mod contour;
 mod cut;
+mod element;
 mod error;
 mod facet;
 mod facing;
@@ -44,6 +45,7 @@ mod visibility;
 
 pub use bvh::{Hit, Occluders};
 pub use conjugate::conjugate_gradients;
+pub use element::Element;
 pub use error::Error;
 pub use facet::Triangle;
 pub use facing::Facing;
