@@ -6,6 +6,7 @@ use std::marker::PhantomData;
 use rayon::prelude::*;
 
 use crate::dispatch::PairLoop;
+use crate::lists::for_each_set_bit;
 use crate::real::{Additive, Columns, Linear, Located, Point, Real, Scalar};
 
 /// The sum's kernel: u(x) += K(x, y) q, linear in q.
@@ -45,6 +46,25 @@ pub trait Kernel: Send + Sync {
         us: &mut [Self::Value],
     ) {
         PairLoop { kernel: self, xs, ys, qs, us }.run();
+    }
+
+    /// Adds K(x_i, y_j) q_j to `us[i]` for the pairs of a block whose bit is set: bit i·n + j, counted
+    /// through the words of `bits`, is that of the i-th target and the j-th of n sources. As
+    /// [`add_block`](Self::add_block) otherwise.
+    ///
+    /// The default calls [`add`](Self::add) for one pair after the other.
+    fn add_pairs(
+        &self,
+        xs: &[Self::Target],
+        ys: &[Self::Source],
+        qs: &[Self::Charge],
+        bits: &[u64],
+        _tolerance: f64,
+        us: &mut [Self::Value],
+    ) {
+        for (i, (x, u)) in xs.iter().zip(us).enumerate() {
+            for_each_set_bit(bits, i, ys.len(), |j| self.add(x, &ys[j], &qs[j], u));
+        }
     }
 }
 

@@ -66,6 +66,13 @@ pub trait Mask<K: Kernel>: Sync {
             }
         }
     }
+
+    /// Whether the pair of target i and source j counts exactly if that of target j and source i does,
+    /// for every i and j. The engine then asks [`pairs`](Self::pairs) for one of two mirrored leaf
+    /// pairs only. Never wrong to deny.
+    fn is_mirrored(&self, _targets: &[K::Target], _sources: &[K::Source]) -> bool {
+        false
+    }
 }
 
 /// The mask that lets every pair count.
@@ -127,5 +134,9 @@ impl<K: Kernel, M: Mask<K>> Mask<K> for &M {
         count: &mut dyn FnMut(usize, usize),
     ) {
         (**self).pairs(targets, sources, count);
+    }
+
+    fn is_mirrored(&self, targets: &[K::Target], sources: &[K::Source]) -> bool {
+        (**self).is_mirrored(targets, sources)
     }
 }

@@ -2,7 +2,7 @@
 //! meets its targets once with many sources instead of many times with a few.
 
 use crate::kernel::Kernel;
-use crate::lists::{ALL, Run, for_each_set_bit};
+use crate::lists::{ALL, Run};
 
 /// What the near field is summed from.
 pub(crate) struct Near<'a, K: Kernel> {
@@ -49,7 +49,8 @@ impl<K: Kernel> Near<'_, K> {
             let points = run.first as usize..run.last as usize;
             let (ys, qs) = (&self.sources[points.clone()], &self.charges[points]);
             if run.bits != ALL {
-                self.add_pairs(run.bits, xs, ys, qs, us);
+                let bits = &self.bits[run.bits as usize..];
+                self.kernel.add_pairs(xs, ys, qs, bits, self.tolerance, us);
             } else if runs.len() == 1 || 2 * ys.len() > most {
                 self.kernel.add_block(xs, ys, qs, self.tolerance, us);
             } else {
@@ -70,20 +71,5 @@ impl<K: Kernel> Near<'_, K> {
         }
         sources.clear();
         charges.clear();
-    }
-
-    /// The pairs whose bits are set.
-    fn add_pairs(
-        &self,
-        first_bit: u64,
-        xs: &[K::Target],
-        ys: &[K::Source],
-        qs: &[K::Charge],
-        us: &mut [K::Value],
-    ) {
-        let bits = &self.bits[first_bit as usize..];
-        for (i, (x, u)) in xs.iter().zip(us).enumerate() {
-            for_each_set_bit(bits, i, ys.len(), |j| self.kernel.add(x, &ys[j], &qs[j], u));
-        }
     }
 }

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use crate::geometry::Cell;
 use crate::grouped::Grouped;
 use crate::kernel::Kernel;
-use crate::lists::{ALL, Lists, NONE, Run, append, rebuilt};
+use crate::lists::{ALL, Lists, NONE, Run, append, for_each_set_bit, rebuilt};
 use crate::mask::{CellView, Coverage, Mask};
 use crate::offsets::OffsetSet;
 use crate::real::Located;
@@ -239,6 +239,7 @@ fn join(mut found: Vec<Found>, offsets: Vec<Vec<[i32; 3]>>) -> (Lists, Vec<Parti
 const PROGRESS_STEP: usize = 64;
 
 /// The mask's answers for one pair of leaves.
+#[derive(Clone)]
 enum Answer {
     Empty,
     Full,
@@ -253,16 +254,55 @@ fn ask_all<K: Kernel>(
     partial: &[PartialPair],
     progress: &(dyn Fn(f64) + Sync),
 ) -> Vec<Answer> {
+    let is_mirrored = std::ptr::eq(targets.tree, sources.tree)
+        && mask.is_mirrored(targets.points, sources.points);
+    // Each of these is asked for, or is the mirror image of one that is.
+    let image = |pair: &PartialPair| (pair.target.min(pair.source), pair.target.max(pair.source));
+    let mut asked: Vec<PartialPair> = partial.to_vec();
+    if is_mirrored {
+        asked.par_sort_unstable_by_key(|pair| (image(pair), pair.target));
+        asked.dedup_by_key(|pair| image(pair));
+    }
     let done = std::sync::atomic::AtomicUsize::new(0);
     let answer = |pair: &PartialPair| {
         let answer = ask(mask, targets.view(pair.target), sources.view(pair.source));
         let done = done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1;
-        if done.is_multiple_of(PROGRESS_STEP) || done == partial.len() {
-            progress(done as f64 / partial.len() as f64);
+        if done.is_multiple_of(PROGRESS_STEP) || done == asked.len() {
+            progress(done as f64 / asked.len() as f64);
         }
         answer
     };
-    partial.par_iter().map(answer).collect()
+    let answers: Vec<Answer> = asked.par_iter().map(answer).collect();
+    if !is_mirrored {
+        return answers;
+    }
+    let find = |pair: &PartialPair| {
+        let index = asked.partition_point(|other| image(other) < image(pair));
+        match asked[index].target == pair.target {
+            true => answers[index].clone(),
+            false => {
+                let size = |cell: u32| targets.node(cell).count();
+                answers[index].transposed(size(pair.source), size(pair.target))
+            }
+        }
+    };
+    partial.par_iter().map(find).collect()
+}
+
+impl Answer {
+    /// The answer for `columns` targets and `rows` sources, from that for `rows` targets and
+    /// `columns` sources.
+    fn transposed(&self, rows: usize, columns: usize) -> Self {
+        let Self::Partial(words) = self else { return self.clone() };
+        let mut transposed = vec![0u64; words.len()];
+        for i in 0..rows {
+            for_each_set_bit(words, i, columns, |j| {
+                let bit = j * rows + i;
+                transposed[bit / 64] |= 1 << (bit % 64);
+            });
+        }
+        Self::Partial(transposed)
+    }
 }
 
 fn ask<K: Kernel>(

@@ -147,11 +147,19 @@ impl<S: Scalar> Invariant<S> {
                 None => geometry.levels.get(index).map_or(vec![], |level| level.offsets.clone()),
             };
             offsets.retain(|offset| offset.iter().any(|o| o.abs() > 3));
-            let bytes =
-                (level.bases.source.rank() * level.bases.target.rank() * size_of::<S>()).max(1);
-            offsets.truncate(bytes_left / bytes);
+            // Reflections of an offset share its core.
+            let image = |offset: &[i32; 3]| {
+                if level.bases.reflected { offset.map(i32::abs) } else { *offset }
+            };
+            let mut images: Vec<[i32; 3]> = offsets.iter().map(image).collect();
+            images.sort_unstable_by_key(|&image| (distance_squared(image), image));
+            images.dedup();
+            let core = level.transfers.mean_rank().powi(2) * size_of::<S>() as f64;
+            let bytes = (core as usize).max(1);
+            let beyond = images.get(bytes_left / bytes).map(|&image| distance_squared(image));
+            offsets.retain(|&o| beyond.is_none_or(|beyond| distance_squared(o) < beyond));
             if !offsets.is_empty() {
-                bytes_left -= offsets.len() * bytes;
+                bytes_left -= bytes_left.min(images.len() * bytes);
                 offsets.extend(level.transfers.offsets());
                 self.extended[index] = Some(Transfers::new(kernel, &level.bases, &offsets));
             }
@@ -192,4 +200,9 @@ impl<S: Scalar> Invariant<S> {
     fn index(&self, level: usize) -> usize {
         level.saturating_sub(self.first_level).min(self.operators.levels.len() - 1)
     }
+}
+
+/// |o|²
+fn distance_squared(offset: [i32; 3]) -> i64 {
+    offset.iter().map(|&o| i64::from(o) * i64::from(o)).sum()
 }

@@ -3,8 +3,9 @@
 use std::fmt;
 use std::marker::PhantomData;
 
-use farfield::{Columns, Kernel, Linear, Point, PointKernel, Real, Vector};
+use farfield::{Columns, Kernel, Point, PointKernel, Real, Vector};
 
+use crate::near_field::{Block, Pairs};
 use crate::surfel::{Projections, Surfel};
 
 /// The irradiance that surfels of given radiosity cause on others, visibility aside:
@@ -53,6 +54,20 @@ impl<T: Real, C> Irradiance<T, C> {
     }
 }
 
+impl<T: Real, C: Columns<T>> Irradiance<T, C> {
+    fn block(
+        &self,
+        xs: &[Surfel<T>],
+        ys: &[Surfel<T>],
+        qs: &[C],
+        pairs: Pairs<'_>,
+        tolerance: f64,
+        us: &mut [C],
+    ) {
+        Block { clamped: self.clamped, xs, ys, qs, pairs, tolerance, us }.run();
+    }
+}
+
 impl<T, C> Clone for Irradiance<T, C> {
     fn clone(&self) -> Self {
         *self
@@ -73,7 +88,7 @@ impl<T, C> fmt::Debug for Irradiance<T, C> {
     }
 }
 
-impl<T: Real, C: Linear<T>> Kernel for Irradiance<T, C> {
+impl<T: Real, C: Columns<T>> Kernel for Irradiance<T, C> {
     type Real = T;
     type Source = Surfel<T>;
     type Target = Surfel<T>;
@@ -83,6 +98,29 @@ impl<T: Real, C: Linear<T>> Kernel for Irradiance<T, C> {
     #[inline(always)]
     fn add(&self, x: &Surfel<T>, y: &Surfel<T>, q: &C, u: &mut C) {
         u.add_scaled(self.factor(x, y) * y.area, q);
+    }
+
+    fn add_block(
+        &self,
+        xs: &[Surfel<T>],
+        ys: &[Surfel<T>],
+        qs: &[C],
+        tolerance: f64,
+        us: &mut [C],
+    ) {
+        self.block(xs, ys, qs, Pairs::All, tolerance, us);
+    }
+
+    fn add_pairs(
+        &self,
+        xs: &[Surfel<T>],
+        ys: &[Surfel<T>],
+        qs: &[C],
+        bits: &[u64],
+        tolerance: f64,
+        us: &mut [C],
+    ) {
+        self.block(xs, ys, qs, Pairs::Set(bits), tolerance, us);
     }
 }
 

@@ -35,6 +35,7 @@ mod error;
 mod facet;
 mod facing;
 mod kernel;
+mod near_field;
 mod patch;
 mod scene;
 mod shaft;

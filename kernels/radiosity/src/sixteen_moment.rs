@@ -1,6 +1,6 @@
 //! The expansion in 16 moments: the numerator multiplied out, 1/r⁴ in harmonics.
 
-use farfield::{Cell, Error, Expansion, Linear, Located, Outcome, Point, Real, Vector};
+use farfield::{Cell, Columns, Error, Expansion, Linear, Located, Outcome, Point, Real, Vector};
 use farfield_potentials::harmonic::{Harmonic, Scratch};
 
 use crate::kernel::Irradiance;
@@ -49,7 +49,7 @@ impl<T: Real, C> SixteenMoment<T, C> {
     }
 }
 
-impl<T: Real, C: Linear<T>> SixteenMoment<T, C> {
+impl<T: Real, C: Columns<T>> SixteenMoment<T, C> {
     /// Adds Σ_y F_k(y) SM_c(y) A_y q, F regular or singular.
     fn moments(
         &self,
@@ -101,7 +101,7 @@ impl<T: Real, C: Linear<T>> SixteenMoment<T, C> {
     }
 }
 
-impl<T: Real, C: Linear<T>> Expansion for SixteenMoment<T, C> {
+impl<T: Real, C: Columns<T>> Expansion for SixteenMoment<T, C> {
     type Kernel = Irradiance<T, C>;
     type MultipoleTerm = [C; 16];
     type LocalTerm = [C; 16];
@@ -202,7 +202,7 @@ fn receiver_matrix<T: Real>(x: [T; 3], n: [T; 3]) -> [T; 16] {
 /// ((s y + t)·n) (s y + t)  = s² (y·n) y + s (y·n) t + s (n yᵗ)ᵗ t + (t·n) t
 /// (s y + t)·n              = s y·n + t·n
 /// ```
-fn shifted<T: Real, C: Linear<T>>(terms: &[[C; 16]], s: T, t: [T; 3]) -> Vec<[C; 16]> {
+fn shifted<T: Real, C: Columns<T>>(terms: &[[C; 16]], s: T, t: [T; 3]) -> Vec<[C; 16]> {
     let shift = |from: &[C; 16]| {
         let mut to = [C::zero(); 16];
         let mut along = C::zero();

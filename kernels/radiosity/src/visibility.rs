@@ -2,7 +2,7 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use farfield::{CellView, Coverage, Linear, Mask, Real};
+use farfield::{CellView, Columns, Coverage, Mask, Real};
 
 use crate::bvh::Occluders;
 use crate::facet::{Facet, ordered};
@@ -69,7 +69,7 @@ impl<'a> Visibility<'a> {
     }
 }
 
-impl<T: Real, C: Linear<T>> Mask<Irradiance<T, C>> for Visibility<'_> {
+impl<T: Real, C: Columns<T>> Mask<Irradiance<T, C>> for Visibility<'_> {
     fn cells(
         &self,
         targets: CellView<'_, Surfel<T>>,
@@ -136,6 +136,10 @@ impl<T: Real, C: Linear<T>> Mask<Irradiance<T, C>> for Visibility<'_> {
         self.facing_away.add(all - facing);
         self.hidden.add(facing - visible);
         self.unhidden.add(visible);
+    }
+
+    fn is_mirrored(&self, targets: &[Surfel<T>], sources: &[Surfel<T>]) -> bool {
+        targets == sources
     }
 }
 
