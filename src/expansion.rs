@@ -166,6 +166,12 @@ pub trait Expansion: Send + Sync {
         });
     }
 
+    /// Whether [`m2l_level`](Self::m2l_level) heeds [`LevelPairs::weight`]; the engine has no weights but 1
+    /// for expansions that don't.
+    fn weighs(&self) -> bool {
+        false
+    }
+
     /// Adds the values of a multipole expansion at `targets` that are well separated from `cell`.
     /// Never wrong to decline: the engine then sums directly.
     fn m2p(
@@ -300,6 +306,9 @@ impl<T: Real> LevelFamilies<'_, T> {
 pub struct LevelPairs<'a, T: Real> {
     /// The level.
     pub level: usize,
+    /// The factor that all its translations are taken by: what a [mask](crate::Coverage::Eighths) says.
+    /// 1 for expansions that don't [weigh](Expansion::weighs).
+    pub weight: f64,
     /// Its source cells.
     pub sources: &'a [Cell<T>],
     /// Its target cells.

@@ -17,7 +17,7 @@ use crate::passes::{Plan, Scheme, Workspace};
 use crate::real::{Additive, Located, Real};
 use crate::stats::{Stats, stats};
 use crate::times::{ApplyTimes, BuildTimes, Clock};
-use crate::traversal::{Side, find_lists};
+use crate::traversal::{Far, Side, find_lists};
 use crate::tree::{Bounds, Tree};
 
 /// Which part of building a plan is under way.
@@ -277,7 +277,11 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
         clock.lap(&mut build_times.tree);
 
         report(Phase::Lists, 0.0);
-        let far = self.scheme != Scheme::Direct;
+        let far = match self.scheme {
+            Scheme::Direct => Far::Nothing,
+            Scheme::Fmm if self.expansion.weighs() => Far::Weighed,
+            Scheme::Fmm | Scheme::Treecode { .. } => Far::Whole,
+        };
         let mut lists = find_lists(
             Side { tree: &target_tree, points: &targets },
             Side { tree: &source_tree, points: &sources },
@@ -355,7 +359,7 @@ fn levels<T: Real>(
 ) -> Vec<Level<T>> {
     // Cells are stored from the coarsest level to the finest, so the first is on the coarsest.
     let groups = 0..target_tree.cells.len();
-    let receives = |&t: &usize| !lists.m2l.of(t).is_empty() || !lists.p2l.of(t).is_empty();
+    let receives = |&t: &usize| lists.has_m2l(t) || !lists.p2l.of(t).is_empty();
     let local = groups.into_iter().find(receives).map(|t| target_tree.shape.nodes[t].level());
     let m2p = lists.m2p.items.par_iter().min();
     let multipole = m2p.map(|&s| source_tree.shape.nodes[s as usize].level());

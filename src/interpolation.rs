@@ -10,7 +10,7 @@ use crate::geometry::Cell;
 use crate::kernel::{Outcome, PointKernel};
 use crate::pool::Pool;
 use crate::probe::Formula;
-use crate::real::{Columns, Point};
+use crate::real::{Columns, Point, Real};
 
 mod basis;
 mod by_kernel;
@@ -251,7 +251,11 @@ impl<K: PointKernel> Expansion for Interpolation<K> {
                 return;
             }
         }
-        self.m2l_by_kernel(source, target, from, to);
+        self.m2l_by_kernel(1.0, source, target, from, to);
+    }
+
+    fn weighs(&self) -> bool {
+        true
     }
 
     fn m2l_level(
@@ -263,7 +267,8 @@ impl<K: PointKernel> Expansion for Interpolation<K> {
         let from = self.multipole_len(level.level);
         let by_kernel = |s: usize, t: usize, local: &mut [K::Entry]| {
             let multipole = &multipoles[s * from..][..from];
-            self.m2l_by_kernel(&level.sources[s], &level.targets[t], multipole, local);
+            let [source, target] = [&level.sources[s], &level.targets[t]];
+            self.m2l_by_kernel(level.weight, source, target, multipole, local);
         };
         let Some(half_width) = level.targets.first().map(Cell::half_width) else { return };
         match &self.prepared {
@@ -271,6 +276,7 @@ impl<K: PointKernel> Expansion for Interpolation<K> {
             Prepared::Invariant(invariant) => {
                 let (transfers, scale) = invariant.transfers(level.level, half_width);
                 let columns = K::Column::WIDTH;
+                let scale = scale * K::Real::from_f64(level.weight);
                 transfers.add_level(level, scale, columns, multipoles, locals, &by_kernel);
             }
         }

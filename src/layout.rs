@@ -62,13 +62,15 @@ impl Layout {
 fn multipoles_used(parts: &Parts<'_>) -> Vec<bool> {
     let Parts { sources, lists, .. } = parts;
     let used: Vec<AtomicBool> = sources.nodes.iter().map(|_| AtomicBool::new(false)).collect();
-    lists.m2l.items.par_iter().chain(&lists.m2p.items).for_each(|&s| {
-        // Most are set already: reading leaves the cache line shared.
-        let used = &used[s as usize];
-        if !used.load(Relaxed) {
-            used.store(true, Relaxed);
-        }
-    });
+    for (_, list) in lists.weighed_m2l().chain([(1.0, &lists.m2p)]) {
+        list.items.par_iter().for_each(|&s| {
+            // Most are set already: reading leaves the cache line shared.
+            let used = &used[s as usize];
+            if !used.load(Relaxed) {
+                used.store(true, Relaxed);
+            }
+        });
+    }
     let mut used: Vec<bool> = used.into_iter().map(AtomicBool::into_inner).collect();
     if parts.shift_moments {
         for s in 1..used.len() {
@@ -84,7 +86,7 @@ fn locals_used(parts: &Parts<'_>) -> Vec<bool> {
     if !parts.costs.treecode {
         for t in 0..used.len() {
             used[t] = used[targets.nodes[t].parent as usize]
-                || !lists.m2l.of(t).is_empty()
+                || lists.has_m2l(t)
                 || !lists.p2l.of(t).is_empty();
         }
     }

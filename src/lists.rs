@@ -8,6 +8,9 @@ use crate::shape::{Node, Shape};
 pub(crate) struct Lists {
     /// Source cells of the same level, well separated.
     pub(crate) m2l: Grouped<u32>,
+    /// Source cells of the same level, well separated, of which a part counts: by the number of
+    /// eighths. Empty if there are none.
+    pub(crate) weighed: Vec<(u8, Grouped<u32>)>,
     /// For target leaves: smaller source cells, well separated.
     pub(crate) m2p: Grouped<u32>,
     /// For target cells: larger source leaves, well separated.
@@ -84,9 +87,21 @@ impl Lists {
         }
     }
 
+    /// The M2L lists with their weights.
+    pub(crate) fn weighed_m2l(&self) -> impl Iterator<Item = (f64, &Grouped<u32>)> {
+        let weighed = self.weighed.iter().map(|(eighths, list)| (f64::from(*eighths) / 8.0, list));
+        std::iter::once((1.0, &self.m2l)).chain(weighed)
+    }
+
+    /// Whether target cell `t` receives anything by M2L.
+    pub(crate) fn has_m2l(&self, t: usize) -> bool {
+        self.weighed_m2l().any(|(_, list)| !list.of(t).is_empty())
+    }
+
     /// Its size in memory, without the bits.
     pub(crate) fn bytes(&self) -> usize {
-        self.m2l.bytes() + self.m2p.bytes() + self.p2l.bytes() + self.near.bytes()
+        let weighed: usize = self.weighed.iter().map(|(_, list)| list.bytes()).sum();
+        self.m2l.bytes() + weighed + self.m2p.bytes() + self.p2l.bytes() + self.near.bytes()
     }
 }
 

@@ -17,6 +17,10 @@ pub enum Coverage {
     /// Some may, some may not, or it is not known: the cells are split, and leaf pairs are asked
     /// for one by one.
     Partial,
+    /// So many eighths of them count, 1 to 7, and which of them doesn't matter: the expansion is used
+    /// and weighed. Taken as [`Partial`](Self::Partial) where the expansion [can't
+    /// weigh](crate::Expansion::weighs) or the cells are not well separated ones of one level.
+    Eighths(u8),
 }
 
 /// A cell together with the points in it.

@@ -224,18 +224,21 @@ impl<E: Expansion> Plan<E> {
         }
         locals.par_iter_mut().for_each(|term| *term = Additive::zero());
         let cells = targets.shape.level(level);
-        let starts = &self.lists.m2l.starts[cells.start..=cells.end];
-        if starts[0] != starts[cells.len()] {
-            let source_cells = sources.shape.level(level);
-            let pairs = LevelPairs {
-                level,
-                sources: &sources.cells[source_cells.clone()],
-                targets: &targets.cells[cells],
-                starts,
-                list: &self.lists.m2l.items,
-                first_source: source_cells.start,
-            };
-            self.expansion.m2l_level(&pairs, &multipoles[level], locals);
+        for (weight, list) in self.lists.weighed_m2l() {
+            let starts = &list.starts[cells.start..=cells.end];
+            if starts[0] != starts[cells.len()] {
+                let source_cells = sources.shape.level(level);
+                let pairs = LevelPairs {
+                    level,
+                    weight,
+                    sources: &sources.cells[source_cells.clone()],
+                    targets: &targets.cells[cells.clone()],
+                    starts,
+                    list: &list.items,
+                    first_source: source_cells.start,
+                };
+                self.expansion.m2l_level(&pairs, &multipoles[level], locals);
+            }
         }
     }
 

@@ -66,7 +66,11 @@ pub(crate) fn stats<E: Expansion>(plan: &Plan<E>, leaf_size: usize) -> Stats {
         terms_per_cell: expansion.multipole_len(depth),
         expansion_pairs: 0,
         direct_pairs: 0,
-        cell_pairs: [&lists.m2l, &lists.m2p, &lists.p2l].map(|list| list.items.len() as u64),
+        cell_pairs: [
+            lists.weighed_m2l().map(|(_, list)| list.items.len() as u64).sum(),
+            lists.m2p.items.len() as u64,
+            lists.p2l.items.len() as u64,
+        ],
         tree_bytes: source_tree.bytes()
             + size_of_val(&plan.sources[..])
             + size_of_val(&plan.targets[..])
@@ -89,7 +93,8 @@ fn pairs(lists: &Lists, targets: &[Node], sources: &[Node]) -> (u64, u64) {
     let pairs = |(t, target): (usize, &Node)| {
         let targets = target.count() as u64;
         let sources_of = |&s: &u32| sources[s as usize].count() as u64;
-        let far = [&lists.m2l, &lists.m2p, &lists.p2l].into_iter().flat_map(|list| list.of(t));
+        let m2l = lists.weighed_m2l().map(|(_, list)| list);
+        let far = m2l.chain([&lists.m2p, &lists.p2l]).flat_map(|list| list.of(t));
         (targets * far.map(sources_of).sum::<u64>(), near_pairs(lists, t, targets))
     };
     let sum = |(a, x): (u64, u64), (b, y): (u64, u64)| (a + b, x + y);

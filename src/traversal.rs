@@ -48,13 +48,24 @@ impl<'a, P: Located> Side<'a, P> {
     }
 }
 
-/// Finds the lists. Without `far`, every pair that counts is near. `progress` is told the
+/// What expansions do for pairs of cells that are well separated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Far {
+    /// Nothing: every pair that counts is near.
+    Nothing,
+    /// They carry pairs that count in full.
+    Whole,
+    /// They also carry pairs that count in part.
+    Weighed,
+}
+
+/// Finds the lists. `progress` is told the
 /// fraction of partly masked pairs that have been asked for.
 pub(crate) fn find_lists<K: Kernel>(
     targets: Side<'_, K::Target>,
     sources: Side<'_, K::Source>,
     mask: &impl Mask<K>,
-    far: bool,
+    far: Far,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Lists {
     let (mut lists, partial) = Traversal { targets, sources, mask, far }.run();
@@ -70,7 +81,7 @@ struct Traversal<'a, K: Kernel, M> {
     targets: Side<'a, K::Target>,
     sources: Side<'a, K::Source>,
     mask: &'a M,
-    far: bool,
+    far: Far,
 }
 
 /// A source cell that a target cell has to settle with.
@@ -81,10 +92,18 @@ struct Candidate {
     full: bool,
 }
 
+/// A source cell of which a part counts.
+#[derive(Clone, Copy, Debug, Default)]
+struct Weighed {
+    source: u32,
+    eighths: u8,
+}
+
 /// What a stretch of target cells finds.
 #[derive(Default)]
 struct Found {
     m2l: Grouped<u32>,
+    weighed: Grouped<Weighed>,
     m2p: Grouped<u32>,
     p2l: Grouped<u32>,
     near: Grouped<Run>,
@@ -166,6 +185,7 @@ impl<K: Kernel, M: Mask<K>> Traversal<'_, K, M> {
             append(&mut found.near.items, start, run);
         }
         found.m2l.end_group();
+        found.weighed.end_group();
         found.m2p.end_group();
         found.p2l.end_group();
         found.near.end_group();
@@ -181,8 +201,14 @@ impl<K: Kernel, M: Mask<K>> Traversal<'_, K, M> {
                 Coverage::Empty => return,
                 Coverage::Full => true,
                 Coverage::Partial => false,
+                Coverage::Eighths(eighths) => {
+                    if self.weigh(t, s, eighths, found) {
+                        return;
+                    }
+                    false
+                }
             };
-        if full && self.far {
+        if full && self.far != Far::Nothing {
             let (target, source) = (targets.cell(t), sources.cell(s));
             if target.level() == source.level() {
                 let offset = source.offset_to(target);
@@ -198,7 +224,7 @@ impl<K: Kernel, M: Mask<K>> Traversal<'_, K, M> {
             }
         }
         // With no far field, a full pair needs its target leaves only.
-        let source_is_whole = sources.node(s).is_leaf() || (full && !self.far);
+        let source_is_whole = sources.node(s).is_leaf() || (full && self.far == Far::Nothing);
         let children = sources.node(s).children();
         let children = children.map(|s| Candidate { source: s as u32, full });
         match (targets.node(t).is_leaf(), source_is_whole) {
@@ -207,6 +233,26 @@ impl<K: Kernel, M: Mask<K>> Traversal<'_, K, M> {
             (false, true) => found.open.items.push(Candidate { source: s, full }),
             (false, false) => found.open.items.extend(children),
         }
+    }
+}
+
+impl<K: Kernel, M> Traversal<'_, K, M> {
+    /// Puts a pair that counts in part into its list, if an expansion can carry it.
+    fn weigh(&self, t: u32, s: u32, eighths: u8, found: &mut Found) -> bool {
+        let (target, source) = (self.targets.cell(t), self.sources.cell(s));
+        if self.far != Far::Weighed
+            || target.level() != source.level()
+            || !(1..8).contains(&eighths)
+        {
+            return false;
+        }
+        let offset = source.offset_to(target);
+        let separated = offset.iter().any(|o| o.unsigned_abs() > 1);
+        if separated {
+            found.offsets.insert(offset);
+            found.weighed.items.push(Weighed { source: s, eighths });
+        }
+        separated
     }
 }
 
@@ -224,7 +270,18 @@ fn join(mut found: Vec<Found>, offsets: Vec<Vec<[i32; 3]>>) -> (Lists, Vec<Parti
         partial.extend(part.partial.iter().map(shifted));
         runs += part.near.items.len();
     }
+    let weighed = Grouped::join(found.iter_mut().map(|part| std::mem::take(&mut part.weighed)));
+    let of_weight = |eighths: u8| {
+        weighed.mapped(|_, items, out| {
+            let own = items.iter().filter(|pair: &&Weighed| pair.eighths == eighths);
+            out.extend(own.map(|pair| pair.source));
+        })
+    };
     let lists = Lists {
+        weighed: match weighed.items.is_empty() {
+            true => Vec::new(),
+            false => (1..8).map(|eighths| (eighths, of_weight(eighths))).collect(),
+        },
         m2l: Grouped::join(found.iter_mut().map(|part| std::mem::take(&mut part.m2l))),
         m2p: Grouped::join(found.iter_mut().map(|part| std::mem::take(&mut part.m2p))),
         p2l: Grouped::join(found.iter_mut().map(|part| std::mem::take(&mut part.p2l))),

@@ -6,12 +6,13 @@ use crate::interpolation::Interpolation;
 use crate::interpolation::prepared::Prepared;
 use crate::kernel::{Outcome, PointKernel};
 use crate::probe::zero;
-use crate::real::{Additive, Columns, Located, Point, Scalar};
+use crate::real::{Additive, Columns, Located, Point, Real, Scalar};
 
 impl<K: PointKernel> Interpolation<K> {
-    /// Charges at the source's skeleton, values at the target's.
+    /// Charges at the source's skeleton, values at the target's, taken by `weight`.
     pub(super) fn m2l_by_kernel(
         &self,
+        weight: f64,
         source: &Cell<K::Real>,
         target: &Cell<K::Real>,
         from: &[K::Entry],
@@ -36,6 +37,10 @@ impl<K: PointKernel> Interpolation<K> {
                     }
                 }
             }
+        }
+        if weight != 1.0 {
+            let weight = K::Entry::from_real(K::Real::from_f64(weight));
+            values.iter_mut().for_each(|value| *value *= weight);
         }
         to_basis.add_skeleton_values(self.rule(), values, to);
     }

@@ -20,8 +20,11 @@ pub(crate) struct Factors<'a, S: Scalar> {
     bases: &'a Bases<S>,
     /// The axes along which the group's directions lie, as bits.
     axes: u8,
-    /// G at each image, and the sum of the weights of the offsets that it stands for.
+    kernel: &'a Formula<'a, S>,
+    /// G at each near image, and the sum of the weights of the offsets that it stands for.
     images: Vec<(Matrix<S>, f64)>,
+    /// The images, the near ones first.
+    known: Vec<[i32; 3]>,
     /// For every offset: its reflection and its image.
     offsets: Vec<(usize, usize)>,
 }
@@ -37,13 +40,17 @@ pub(crate) struct Side<S> {
 /// The share of a cut-off that each of the two sides of a direction may use up.
 const SIDE_SHARE: f64 = 2.0;
 
+/// Offsets of more cells along an axis, which only masks ask for, bring nothing to the ranges of their
+/// directions: so far away, a field is what nearer ones are made of, and less of it.
+const NEAR: i32 = 5;
+
 /// Random vectors beyond the number of columns that they are to find: with fewer, what few rows hold
 /// would be a matter of luck.
 const MORE_VECTORS: usize = 16;
 
 impl<'a, S: Scalar> Factors<'a, S> {
     pub(crate) fn new(
-        kernel: &Formula<'_, S>,
+        kernel: &'a Formula<'a, S>,
         bases: &'a Bases<S>,
         axes: u8,
         offsets: &[[i32; 3]],
@@ -51,19 +58,22 @@ impl<'a, S: Scalar> Factors<'a, S> {
         let image =
             |&offset: &[i32; 3]| if bases.reflected { offset.map(i32::abs) } else { offset };
         let mut known: Vec<[i32; 3]> = offsets.iter().map(image).collect();
-        known.sort_unstable();
+        let key = |image: &[i32; 3]| (image.iter().any(|o| o.abs() > NEAR), *image);
+        known.sort_unstable_by_key(key);
         known.dedup();
         let mut weights = vec![0.0; known.len()];
         let place = |offset: &[i32; 3]| {
             let negative = |axis: usize| usize::from(bases.reflected && offset[axis] < 0) << axis;
-            let index = known.partition_point(|known| *known < image(offset));
+            let index = known.partition_point(|known| key(known) < key(&image(offset)));
             weights[index] += weight(*offset);
             (negative(0) | negative(1) | negative(2), index)
         };
         let offsets = offsets.iter().map(place).collect();
-        let images = known.par_iter().zip(weights);
+        let near = known.partition_point(|image| !key(image).0);
+        let near = if near > 0 { near } else { known.len().min(1) };
+        let images = known[..near].par_iter().zip(weights);
         let images = images.map(|(&image, weight)| (between(kernel, bases, image), weight));
-        Self { bases, axes, images: images.collect(), offsets }
+        Self { bases, axes, kernel, images: images.collect(), known, offsets }
     }
 
     /// P and Q with C_o = P W_o Qᴴ but for a share of the cut-off, and the W_o.
@@ -89,7 +99,13 @@ impl<'a, S: Scalar> Factors<'a, S> {
         let sides: Vec<_> = (0..8).map(|r| used(r).then(|| sides(r))).collect();
         let core = |&(reflection, image): &(usize, usize)| {
             let [left, right] = sides[reflection].as_ref()?;
-            Some(product(&product(left, &self.images[image].0), right))
+            Some(match self.images.get(image) {
+                Some((near, _)) => product(&product(left, near), right),
+                None => {
+                    let far = between(self.kernel, self.bases, self.known[image]);
+                    product(&product(left, &far), right)
+                }
+            })
         };
         let cores = self.offsets.par_iter().filter_map(core).collect();
         (p, q, cores)

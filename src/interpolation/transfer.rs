@@ -343,6 +343,7 @@ mod tests {
                 assert!(transfers.add(offset, 2.0, &m, &mut alone));
                 let cell = |at: [i32; 3]| Cell::new(&root, 4, at.map(|x| x as u32));
                 let pairs = LevelPairs {
+                    weight: 1.0,
                     level: 4,
                     sources: &[cell([8; 3])],
                     targets: &[cell(offset.map(|o| 8 + o))],

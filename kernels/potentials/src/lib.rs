@@ -17,7 +17,7 @@ mod near_field;
 mod output;
 mod power_law;
 mod reciprocal;
-mod registers;
+pub mod registers;
 mod separable;
 
 pub use expansion::HarmonicExpansion;

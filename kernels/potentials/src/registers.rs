@@ -6,7 +6,7 @@ use pulp::Simd;
 /// A precision, with the operations on its registers that the near field needs. `S` stands for the
 /// instructions that the machine was found to have; [`Register`](Self::Register) is as wide as these
 /// allow.
-pub(crate) trait Registers: Real {
+pub trait Registers: Real {
     /// Several numbers side by side.
     type Register<S: Simd>: Copy;
 
@@ -45,13 +45,15 @@ pub(crate) trait Registers: Real {
     fn one_over<S: Simd>(simd: S, x: Self::Register<S>) -> Self::Register<S>;
     /// √x
     fn root<S: Simd>(simd: S, x: Self::Register<S>) -> Self::Register<S>;
+    /// The sum of all places.
+    fn sum<S: Simd>(simd: S, x: Self::Register<S>) -> Self;
 }
 
 macro_rules! registers {
     (
         $t:ident, $register:ident, $as_simd:ident, $as_mut_simd:ident, $splat:ident,
         $sub:ident, $mul:ident, $div:ident, $sqrt:ident, $mul_add:ident, $sub_product:ident,
-        $at_least:ident, $select:ident
+        $at_least:ident, $select:ident, $reduce:ident
     ) => {
         impl Registers for $t {
             type Register<S: Simd> = S::$register;
@@ -111,6 +113,10 @@ macro_rules! registers {
             fn root<S: Simd>(simd: S, x: S::$register) -> S::$register {
                 simd.$sqrt(x)
             }
+            #[inline(always)]
+            fn sum<S: Simd>(simd: S, x: S::$register) -> $t {
+                simd.$reduce(x)
+            }
         }
     };
 }
@@ -128,7 +134,8 @@ registers!(
     mul_add_e_f32s,
     negate_mul_add_e_f32s,
     greater_than_or_equal_f32s,
-    select_f32s
+    select_f32s,
+    reduce_sum_f32s
 );
 registers!(
     f64,
@@ -143,5 +150,6 @@ registers!(
     mul_add_e_f64s,
     negate_mul_add_e_f64s,
     greater_than_or_equal_f64s,
-    select_f64s
+    select_f64s,
+    reduce_sum_f64s
 );

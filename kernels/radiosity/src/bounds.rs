@@ -43,6 +43,14 @@ impl<T: Real> Bounds<T> {
         (0..3).all(|k| self.low[k] <= other.high[k] && other.low[k] <= self.high[k])
     }
 
+    /// Its corners.
+    pub(crate) fn corners(&self) -> [Point<T>; 8] {
+        std::array::from_fn(|corner| {
+            let end = |k: usize| if corner >> k & 1 == 1 { self.high[k] } else { self.low[k] };
+            Point::<T>::from_array([end(0), end(1), end(2)])
+        })
+    }
+
     /// Its longest chord: no two points of it are further apart.
     pub(crate) fn diagonal(&self) -> T {
         let chord = Point::<T>::from_array(self.high) - Point::<T>::from_array(self.low);

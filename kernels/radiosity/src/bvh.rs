@@ -1,10 +1,13 @@
 //! What hides: triangles in a bounding-volume hierarchy.
 
+use std::collections::HashMap;
+
 use glam::DVec3;
 
 use crate::bounds::Bounds;
 use crate::error::Error;
 use crate::facet::{Facet, Triangle, ordered};
+use crate::wall::{Wall, walls};
 
 /// Where a ray first meets an occluder.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,6 +33,7 @@ pub struct Occluders {
     margin: f64,
     nodes: Vec<Node>,
     facets: Vec<Facet>,
+    walls: HashMap<u32, Wall>,
 }
 
 /// One node; the first child of an inner node is the node after it.
@@ -83,7 +87,8 @@ impl Occluders {
         if !facets.is_empty() {
             build(&mut nodes, &mut facets, 0, margin, 0);
         }
-        Ok(Self { margin, nodes, facets })
+        let walls = walls(&facets);
+        Ok(Self { margin, nodes, facets, walls })
     }
 
     /// How far beyond a triangle's plane a point must lie to count as behind it: a billionth of the
@@ -127,6 +132,11 @@ impl Occluders {
             },
         );
         hit
+    }
+
+    /// The face of this number, if it is a convex polygon.
+    pub(crate) fn wall(&self, face: u32) -> Option<&Wall> {
+        self.walls.get(&face)
     }
 
     /// Walks depth first through the nodes that `enter` and returns the first facet that `stop`s it.

@@ -78,6 +78,26 @@ pub enum Error {
         /// The number given.
         found: usize,
     },
+    /// Row sums that can't be mended within the limit.
+    #[error(
+        "the form factors of element {index} would have to change by a factor of {:.3} to close its \
+         row: expected a change of {limit} at most; elements are missing, turned the wrong way or \
+         too coarse", 1.0 + change
+    )]
+    NotClosable {
+        /// Index of the element.
+        index: usize,
+        /// The relative change.
+        change: f64,
+        /// The largest change allowed.
+        limit: f64,
+    },
+    /// A tolerance that is no share of anything.
+    #[error("the tolerance {found}: expected a number between 0 and 1, both excluded")]
+    InvalidTolerance {
+        /// The tolerance.
+        found: f64,
+    },
     /// Two inputs that belong together have different lengths.
     #[error("{what}: expected {expected} entries, one per surfel, found {found}")]
     LengthMismatch {

@@ -4,13 +4,17 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
+use crate::element::Element;
 use crate::facet::Triangle;
+use crate::patch::Patch;
 use crate::surfel::Surfel;
 
 /// Surfels and the faces that they lie on.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Scene {
     /// What exchanges light; each knows its face.
+    pub elements: Vec<Element>,
+    /// The surfels of the elements.
     pub surfels: Vec<Surfel>,
     /// What hides; each triangle knows its face.
     pub triangles: Vec<Triangle>,
@@ -33,7 +37,14 @@ impl Scene {
     pub fn add_quad(&mut self, corners: [DVec3; 4], nu: usize, nv: usize) -> u32 {
         let face = self.faces;
         self.faces += 1;
-        self.surfels.extend(quad_surfels(corners, nu, nv, face));
+        let surfels = quad_surfels(corners, nu, nv, face);
+        let pieces = quad_pieces(corners, nu, nv).zip(&surfels);
+        self.elements.extend(pieces.map(|(piece, surfel)| match Patch::new(&piece) {
+            Ok(patch) => Element::patch(patch, face),
+            // Twisted pieces are known by their vector area only.
+            Err(_) => Element::disk(*surfel),
+        }));
+        self.surfels.extend(surfels);
         self.triangles.extend(quad_triangles(corners, face));
         face
     }
@@ -96,21 +107,28 @@ pub fn sphere_interior(n: usize, centre: DVec3, radius: f64) -> Vec<Surfel> {
 /// patch and has the vector area of that piece, ½ |diagonal × diagonal|: exact if the corners lie in
 /// a plane, which they need not.
 pub fn quad_surfels(corners: [DVec3; 4], nu: usize, nv: usize, face: u32) -> Vec<Surfel> {
-    let [a, b, c, d] = corners;
-    let at = |u: f64, v: f64| a.lerp(b, u).lerp(d.lerp(c, u), v);
-    let (du, dv) = (1.0 / nu as f64, 1.0 / nv as f64);
-    let surfel = |i: usize, j: usize| {
-        let (u, v) = (i as f64 * du, j as f64 * dv);
-        let diagonals = [at(u + du, v + dv) - at(u, v), at(u, v + dv) - at(u + du, v)];
-        let vector_area = diagonals[0].cross(diagonals[1]) * 0.5;
+    let surfel = |[a, b, c, d]: [DVec3; 4]| {
+        let vector_area = (c - a).cross(d - b) * 0.5;
         Surfel {
-            position: at(u + 0.5 * du, v + 0.5 * dv),
+            position: (a + b + c + d) * 0.25,
             normal: vector_area.normalize_or_zero(),
             area: vector_area.length(),
             face,
         }
     };
-    (0..nu).flat_map(|i| (0..nv).map(move |j| (i, j))).map(|(i, j)| surfel(i, j)).collect()
+    quad_pieces(corners, nu, nv).map(surfel).collect()
+}
+
+/// The pieces of the same patch by their corners, in the same order.
+pub fn quad_pieces(corners: [DVec3; 4], nu: usize, nv: usize) -> impl Iterator<Item = [DVec3; 4]> {
+    let [a, b, c, d] = corners;
+    let at = move |i: usize, j: usize| {
+        let (u, v) = (i as f64 / nu as f64, j as f64 / nv as f64);
+        a.lerp(b, u).lerp(d.lerp(c, u), v)
+    };
+    (0..nu)
+        .flat_map(move |i| (0..nv).map(move |j| (i, j)))
+        .map(move |(i, j)| [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)])
 }
 
 /// The two triangles, joined along the diagonal 0→2, that stand in for a quadrilateral as an

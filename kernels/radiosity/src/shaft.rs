@@ -50,6 +50,25 @@ impl<'a, T: Real> Shaft<'a, T> {
         occluders.visit(|node| self.meets(node), |facet| self.may_block(facet, margin)).is_none()
     }
 
+    /// Whether certainly all sources are hidden from all targets, by one convex wall.
+    pub(crate) fn is_blocked(&self, occluders: &Occluders) -> bool {
+        let margin = occluders.margin();
+        let mut asked = Surfel::<T>::NO_FACE;
+        let [a, b] = &self.bounds;
+        occluders
+            .visit(
+                |node| self.meets(node),
+                |facet| {
+                    // The triangles of a face often come one after the other.
+                    let again = facet.face == asked;
+                    asked = facet.face;
+                    !again
+                        && occluders.wall(facet.face).is_some_and(|wall| wall.hides([a, b], margin))
+                },
+            )
+            .is_some()
+    }
+
     /// The facets that may hide some source from some target: all others certainly don't.
     pub(crate) fn candidates(&self, occluders: &Occluders) -> Vec<Facet> {
         let margin = occluders.margin();

@@ -1,13 +1,17 @@
 //! The visibility mask: facing and not hidden.
 
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::ops::Range;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use farfield::{CellView, Columns, Coverage, Mask, Real};
 
 use crate::bvh::Occluders;
+use crate::error::Error;
 use crate::facet::{Facet, ordered};
 use crate::facing::facing;
 use crate::kernel::Irradiance;
+use crate::operator::mixed;
+use crate::sampling::{RAYS, Sampling, Seen, order};
 use crate::shaft::{Shaft, position};
 use crate::surfel::{Projections, Surfel};
 
@@ -15,14 +19,22 @@ use crate::surfel::{Projections, Surfel};
 /// occluder [hides](Occluders::blocked) them from each other. Symmetric, bit for bit.
 ///
 /// Between cells that certainly face each other, a shaft of the occluders' hierarchy certifies that
-/// all pairs see each other; where it can't, the pairs are asked for one by one, down to the leaves.
+/// all pairs see each other, a single convex wall that none do. Elsewhere the pairs are asked for one by
+/// one, down to the leaves: Θ(N^1.5) rays in all. A [`fractional`](Self::fractional) mask asks for O(N).
 #[derive(Debug)]
 pub struct Visibility<'a> {
     occluders: &'a Occluders,
+    sampling: Option<Sampling>,
+    /// Whether each pair of leaves is asked for once for both directions.
+    mirrored: AtomicBool,
     facing_away: Tally,
     hidden: Tally,
     unhidden: Tally,
     certified: Tally,
+    sampled: Tally,
+    rays: Tally,
+    /// In units of [`VARIANCE_UNIT`], so that sums don't depend on their order.
+    variance: Tally,
 }
 
 /// How the pairs of surfels that a [`Visibility`] was asked about fell out.
@@ -30,31 +42,58 @@ pub struct Visibility<'a> {
 pub struct PairCounts {
     /// Pairs that don't face each other.
     pub facing_away: u64,
-    /// Pairs that face each other but are hidden by an occluder, found by a segment query each.
+    /// Pairs that face each other but are hidden by an occluder.
     pub hidden: u64,
-    /// Pairs that see each other, found by a segment query each.
+    /// Pairs that see each other, found pair by pair.
     pub unhidden: u64,
-    /// Pairs that see each other, found cell by cell without a query of their own.
+    /// Pairs that see each other, found cell by cell.
     pub certified: u64,
+    /// Pairs of which a share sees each other, found by samples, cell by cell.
+    pub sampled: u64,
+    /// Segments tested against the occluders.
+    pub rays: u64,
 }
 
 impl PairCounts {
-    /// Segment queries made.
-    pub fn segments(&self) -> u64 {
-        self.hidden + self.unhidden
-    }
-
     /// All pairs.
     pub fn total(&self) -> u64 {
-        self.facing_away + self.hidden + self.unhidden + self.certified
+        self.facing_away + self.hidden + self.unhidden + self.certified + self.sampled
     }
 }
 
 impl<'a> Visibility<'a> {
-    /// The mask of a scene with these occluders.
+    /// The mask of a scene with these occluders: every pair that no certificate settles is asked for.
     pub fn new(occluders: &'a Occluders) -> Self {
-        let [facing_away, hidden, unhidden, certified] = Default::default();
-        Self { occluders, facing_away, hidden, unhidden, certified }
+        Self {
+            occluders,
+            sampling: None,
+            mirrored: AtomicBool::new(false),
+            facing_away: Tally::default(),
+            hidden: Tally::default(),
+            unhidden: Tally::default(),
+            certified: Tally::default(),
+            sampled: Tally::default(),
+            rays: Tally::default(),
+            variance: Tally::default(),
+        }
+    }
+
+    /// Takes visibility by samples where that adds no more than about `tolerance` to the relative l2
+    /// error of irradiances: cells of which one gives the other little light are weighed by the share of
+    /// eight rays that pass ([`Coverage::Eighths`]); within pairs of leaves, one ray stands for all pairs
+    /// of two groups that exchange an eighth of that.
+    ///
+    /// `brightness` says how much brighter than the mean radiosity the surfels of a face may be, face by
+    /// face, and may be short or empty: lamps need it, whose light would otherwise be taken for little.
+    ///
+    /// # Errors
+    /// [`Error::InvalidTolerance`] unless the tolerance lies between 0 and 1.
+    pub fn fractional(self, tolerance: f64, brightness: Vec<f64>) -> Result<Self, Error> {
+        if !(tolerance > 0.0 && tolerance < 1.0) {
+            return Err(Error::InvalidTolerance { found: tolerance });
+        }
+        let sampling = Sampling { most: (SAMPLED_ERROR * tolerance).powi(2).min(0.1), brightness };
+        Ok(Self { sampling: Some(sampling), ..self })
     }
 
     /// The pairs asked about so far. Those of cells that were found [`Coverage::Partial`] count when
@@ -65,9 +104,59 @@ impl<'a> Visibility<'a> {
             hidden: self.hidden.total(),
             unhidden: self.unhidden.total(),
             certified: self.certified.total(),
+            sampled: self.sampled.total(),
+            rays: self.rays.total(),
         }
     }
+
+    /// The standard error that samples bring to irradiances, relative to surfels in an enclosure of even
+    /// radiosity: the root of the summed variances of all samples over the `area` of all surfels. 0 if
+    /// every pair was asked for.
+    pub fn uncertainty(&self, area: f64) -> f64 {
+        (self.variance.total() as f64 * VARIANCE_UNIT / area).sqrt()
+    }
+
+    fn sees<T: Real>(&self, x: &Surfel<T>, y: &Surfel<T>) -> bool {
+        self.rays.add(1);
+        !self.occluders.blocked(position(x), position(y), [x.face, y.face])
+    }
+
+    /// How many of the sampled pairs of two cells that face each other see each other, if so little light
+    /// passes between them that this is enough.
+    fn visible_samples<T: Real>(
+        &self,
+        a: CellView<'_, Surfel<T>>,
+        b: CellView<'_, Surfel<T>>,
+    ) -> Option<usize> {
+        let apart = a.cell.level() == b.cell.level() && a.cell.well_separated(b.cell);
+        let sampling = self.sampling.as_ref().filter(|_| apart)?;
+        let (in_order, key) = order(&a, &b);
+        let (x, y) = if in_order { (a.points, b.points) } else { (b.points, a.points) };
+        let strength = sampling.strength(x, y);
+        if !sampling.accepts(&strength) {
+            return None;
+        }
+        let seen = Seen::of(x.len(), y.len(), key, |i, j| self.sees(&x[i], &y[j]));
+        let even = seen.rows_agree() && seen.columns_agree();
+        if !even && !sampling.accepts_blindly(&strength) {
+            return None;
+        }
+        // Asked for from both ends, and both count.
+        self.add_variance(0.5 * strength.variance(seen.count()));
+        Some(seen.count())
+    }
+
+    fn add_variance(&self, variance: f64) {
+        self.variance.add((variance / VARIANCE_UNIT) as u64);
+    }
 }
+
+/// The errors of samples add up at random: what a group may contribute grows as the square of the
+/// tolerance. Measured, with the lamp of a Cornell box among much darker surfels.
+const SAMPLED_ERROR: f64 = 2.0;
+
+/// The unit in which variances times areas are counted.
+const VARIANCE_UNIT: f64 = 1e-12;
 
 impl<T: Real, C: Columns<T>> Mask<Irradiance<T, C>> for Visibility<'_> {
     fn cells(
@@ -79,15 +168,34 @@ impl<T: Real, C: Columns<T>> Mask<Irradiance<T, C>> for Visibility<'_> {
         match facing(targets.points, sources.points) {
             Coverage::Empty => {
                 self.facing_away.add(pairs);
+                return Coverage::Empty;
+            }
+            Coverage::Full => {}
+            coverage => return coverage,
+        }
+        let shaft = Shaft::new(targets.points, sources.points);
+        if shaft.is_clear(self.occluders) {
+            self.certified.add(pairs);
+            return Coverage::Full;
+        }
+        let visible = match shaft.is_blocked(self.occluders) {
+            true => Some(0),
+            false => self.visible_samples(targets, sources),
+        };
+        match visible {
+            None => Coverage::Partial,
+            Some(0) => {
+                self.hidden.add(pairs);
                 Coverage::Empty
             }
-            Coverage::Full
-                if Shaft::new(targets.points, sources.points).is_clear(self.occluders) =>
-            {
-                self.certified.add(pairs);
+            Some(RAYS) => {
+                self.sampled.add(pairs);
                 Coverage::Full
             }
-            _ => Coverage::Partial,
+            Some(visible) => {
+                self.sampled.add(pairs);
+                Coverage::Eighths((visible / 2).clamp(1, 7) as u8)
+            }
         }
     }
 
@@ -96,13 +204,9 @@ impl<T: Real, C: Columns<T>> Mask<Irradiance<T, C>> for Visibility<'_> {
             self.facing_away.add(1);
             return false;
         }
-        let hidden = self.occluders.blocked(position(x), position(y), [x.face, y.face]);
-        if hidden {
-            self.hidden.add(1)
-        } else {
-            self.unhidden.add(1)
-        }
-        !hidden
+        let sees = self.sees(x, y);
+        if sees { &self.unhidden } else { &self.hidden }.add(1);
+        sees
     }
 
     fn pairs(
@@ -111,35 +215,151 @@ impl<T: Real, C: Columns<T>> Mask<Irradiance<T, C>> for Visibility<'_> {
         sources: CellView<'_, Surfel<T>>,
         count: &mut dyn FnMut(usize, usize),
     ) {
-        let margin = self.occluders.margin();
-        let mut candidates = Shaft::new(targets.points, sources.points).candidates(self.occluders);
-        let (mut facing, mut visible) = (0, 0);
-        for (i, x) in targets.points.iter().enumerate() {
-            for (j, y) in sources.points.iter().enumerate() {
-                if !Projections::new(x, y).facing() {
-                    continue;
-                }
-                facing += 1;
-                let (from, to) = ordered(position(x), position(y));
-                let blocks = |facet: &Facet| facet.blocks(from, to, [x.face, y.face], margin);
-                match candidates.iter().position(blocks) {
-                    // What hides one pair is likely to hide the next.
-                    Some(k) => candidates.swap(0, k),
-                    None => {
-                        visible += 1;
-                        count(i, j);
-                    }
-                }
-            }
+        let same = targets.cell == sources.cell;
+        let (xs, ys) = (targets.points, sources.points);
+        let mut asked = Asked {
+            xs,
+            ys,
+            visibility: self,
+            candidates: Shaft::new(xs, ys).candidates(self.occluders),
+            count,
+            facing: 0,
+            visible: 0,
+            rays: 0,
+        };
+        match &self.sampling {
+            // Both halves of a cell with itself have to come out alike.
+            Some(sampling) if !same => asked.groups(sampling, 0..xs.len(), 0..ys.len()),
+            _ => asked.one_by_one(0..xs.len(), 0..ys.len()),
         }
-        let all = targets.points.len() as u64 * sources.points.len() as u64;
-        self.facing_away.add(all - facing);
-        self.hidden.add(facing - visible);
-        self.unhidden.add(visible);
+        let Asked { facing, visible, rays, .. } = asked;
+        let both = if self.mirrored.load(Ordering::Relaxed) && !same { 2 } else { 1 };
+        self.facing_away.add(both * ((xs.len() * ys.len()) as u64 - facing));
+        self.hidden.add(both * (facing - visible));
+        self.unhidden.add(both * visible);
+        self.rays.add(rays);
     }
 
     fn is_mirrored(&self, targets: &[Surfel<T>], sources: &[Surfel<T>]) -> bool {
-        targets == sources
+        let mirrored = targets == sources;
+        self.mirrored.store(mirrored, Ordering::Relaxed);
+        mirrored
+    }
+}
+
+/// Two leaves whose pairs are being asked about.
+struct Asked<'a, T: Real> {
+    xs: &'a [Surfel<T>],
+    ys: &'a [Surfel<T>],
+    visibility: &'a Visibility<'a>,
+    /// The facets that may hide any of the pairs; what hid the last one first.
+    candidates: Vec<Facet>,
+    count: &'a mut dyn FnMut(usize, usize),
+    facing: u64,
+    visible: u64,
+    rays: u64,
+}
+
+/// Groups of so few pairs are not worth a look at what they exchange.
+const FEW_PAIRS: usize = 32;
+
+impl<T: Real> Asked<'_, T> {
+    /// By one ray per pair.
+    fn one_by_one(&mut self, rows: Range<usize>, columns: Range<usize>) {
+        for i in rows {
+            for j in columns.clone() {
+                if Projections::new(&self.xs[i], &self.ys[j]).facing() {
+                    let sees = self.sees(i, j);
+                    self.answer(i, j, sees);
+                }
+            }
+        }
+    }
+
+    /// By samples for two groups that exchange little: all at once if the samples agree, else row by row
+    /// or column by column if they differ that way only.
+    fn groups(&mut self, sampling: &Sampling, rows: Range<usize>, columns: Range<usize>) {
+        if rows.len() * columns.len() <= FEW_PAIRS {
+            return self.one_by_one(rows, columns);
+        }
+        let (x, y) = (&self.xs[rows.clone()], &self.ys[columns.clone()]);
+        let strength = sampling.strength(x, y);
+        if !sampling.accepts(&strength) {
+            return self.halves(sampling, rows, columns);
+        }
+        let key = mixed(((rows.start as u64) << 32) | columns.start as u64);
+        let (i, j) = (rows.start, columns.start);
+        let seen = Seen::of(x.len(), y.len(), key, |k, l| self.sees(i + k, j + l));
+        let both = if self.visibility.mirrored.load(Ordering::Relaxed) { 1.0 } else { 0.5 };
+        self.visibility.add_variance(both * strength.variance(seen.count()) / RAYS as f64);
+        if let 0 | RAYS = seen.count() {
+            self.answer_all(rows, columns, seen.count() > 0);
+        } else if seen.columns_agree() {
+            let sample =
+                |i: usize| columns.start + (mixed(key ^ i as u64) as usize) % columns.len();
+            for i in rows {
+                let sees = self.sees(i, sample(i));
+                self.answer_all(i..i + 1, columns.clone(), sees);
+            }
+        } else if seen.rows_agree() {
+            let sample = |j: usize| rows.start + (mixed(key ^ j as u64) as usize) % rows.len();
+            for j in columns {
+                let sees = self.sees(sample(j), j);
+                self.answer_all(rows.clone(), j..j + 1, sees);
+            }
+        } else {
+            self.halves(sampling, rows, columns);
+        }
+    }
+
+    /// Halves of the larger of two groups. Points of a leaf stand along a space-filling curve: halves are
+    /// compact.
+    fn halves(&mut self, sampling: &Sampling, rows: Range<usize>, columns: Range<usize>) {
+        let middle = |range: &Range<usize>| range.start + range.len() / 2;
+        if rows.len() >= columns.len() {
+            let middle = middle(&rows);
+            self.groups(sampling, rows.start..middle, columns.clone());
+            self.groups(sampling, middle..rows.end, columns);
+        } else {
+            let middle = middle(&columns);
+            self.groups(sampling, rows.clone(), columns.start..middle);
+            self.groups(sampling, rows, middle..columns.end);
+        }
+    }
+
+    /// The same answer for all pairs that face each other.
+    fn answer_all(&mut self, rows: Range<usize>, columns: Range<usize>, sees: bool) {
+        for i in rows {
+            for j in columns.clone() {
+                if Projections::new(&self.xs[i], &self.ys[j]).facing() {
+                    self.answer(i, j, sees);
+                }
+            }
+        }
+    }
+
+    fn sees(&mut self, i: usize, j: usize) -> bool {
+        let (x, y) = (&self.xs[i], &self.ys[j]);
+        let (from, to) = ordered(position(x), position(y));
+        let margin = self.visibility.occluders.margin();
+        self.rays += 1;
+        let blocks = |facet: &Facet| facet.blocks(from, to, [x.face, y.face], margin);
+        match self.candidates.iter().position(blocks) {
+            // What hides one pair is likely to hide the next.
+            Some(k) => {
+                self.candidates.swap(0, k);
+                false
+            }
+            None => true,
+        }
+    }
+
+    fn answer(&mut self, i: usize, j: usize, sees: bool) {
+        self.facing += 1;
+        if sees {
+            self.visible += 1;
+            (self.count)(i, j);
+        }
     }
 }
 
@@ -226,7 +446,7 @@ mod tests {
         let counts = PairCounts { certified: 256, facing_away: 256, ..PairCounts::default() };
         assert_eq!(mask.counts(), counts);
         assert_eq!(ask_all(&mask, &ceiling, &floor), 256);
-        assert_eq!(mask.counts(), PairCounts { unhidden: 256, ..counts });
+        assert_eq!(mask.counts(), PairCounts { unhidden: 256, rays: 256, ..counts });
     }
 
     #[test]
@@ -238,12 +458,80 @@ mod tests {
             let visible = 256 - hidden;
             let occluders = Occluders::new(&screen(0.5, side, 2)).unwrap();
             let mask = Visibility::new(&occluders);
-            assert_eq!(verdict(&mask, &ceiling, &floor), Coverage::Partial);
+            let mask_of_cells = Visibility::new(&occluders);
+            let whole = if visible == 0 { Coverage::Empty } else { Coverage::Partial };
+            assert_eq!(verdict(&mask_of_cells, &ceiling, &floor), whole);
+            assert_eq!(verdict(&mask_of_cells, &floor, &ceiling), whole);
             assert_eq!(ask_all(&mask, &ceiling, &floor), visible, "screen of side {side}");
             assert_eq!(ask_all(&mask, &floor, &ceiling), visible, "screen of side {side}");
             assert_eq!(mask.counts().total(), 512);
-            assert_eq!(mask.counts().segments(), 512);
+            assert_eq!(mask.counts().rays, 512);
         }
+    }
+
+    #[test]
+    fn groups_that_exchange_little_are_sampled_from_both_ends_alike() {
+        let root = Cube::new(DVec3::ZERO, 4.0);
+        let floor = square(0.0, 0.2, true, 0);
+        let far = DVec3::new(0.0, 0.0, 3.0);
+        let ceiling: Vec<Surfel> = square(0.0, 0.2, false, 1)
+            .into_iter()
+            .map(|s| Surfel { position: s.position + far, ..s })
+            .collect();
+        // A quarter of the view is blocked.
+        let screen = screen(1.5, 0.1, 2)
+            .map(|t| Triangle { vertices: t.vertices.map(|v| v + DVec3::X * 0.05), ..t });
+        let occluders = Occluders::new(&screen).unwrap();
+        let cells = [Cell::new(&root, 3, [4, 4, 4]), Cell::new(&root, 3, [4, 4, 7])];
+        let views = [&floor, &ceiling].map(|points| &points[..]);
+        let view = |k: usize| CellView { cell: &cells[k], points: views[k] };
+        let sampled = |tolerance, brightness| {
+            let mask = Visibility::new(&occluders).fractional(tolerance, brightness).unwrap();
+            let verdicts =
+                [(0, 1), (1, 0)].map(|(t, s)| Mask::<Kernel>::cells(&mask, view(t), view(s)));
+            assert_eq!(verdicts[0], verdicts[1]);
+            (verdicts[0], mask.counts(), mask.uncertainty(1.0))
+        };
+        let (verdict, counts, uncertainty) = sampled(0.03, vec![]);
+        let Coverage::Eighths(visible) = verdict else { panic!("{verdict:?}") };
+        assert!((5..=7).contains(&visible), "{visible} eighths of about three quarters");
+        assert_eq!((counts.sampled, counts.rays), (512, 32));
+        // Each receives A/(πr²) ≈ 0.0014 of what it sees of the other, half of which is in doubt.
+        assert!((5e-5..2e-4).contains(&uncertainty), "{uncertainty}");
+        // What is weak on its own isn't if one of the two is a lamp.
+        for strong in [sampled(0.003, vec![]), sampled(0.03, vec![1.0, 100.0])] {
+            assert_eq!((strong.0, strong.1.rays, strong.2), (Coverage::Partial, 0, 0.0));
+        }
+        let error = Error::InvalidTolerance { found: 1.0 };
+        let refused = Visibility::new(&occluders).fractional(1.0, vec![]);
+        assert_eq!(refused.map(|_| ()), Err(error));
+    }
+
+    #[test]
+    fn pairs_of_leaves_are_asked_in_groups_of_about_the_same_share() {
+        let floor = square(0.0, 0.2, true, 0);
+        let ceiling = square(1.0, 0.2, false, 1);
+        let occluders = Occluders::new(&screen(0.5, 0.07, 2)).unwrap();
+        let exact = together(&Visibility::new(&occluders), &ceiling, &floor).len();
+        let mut before = u64::MAX;
+        for tolerance in [1e-3, 1e-2, 3e-2, 0.1] {
+            let mask = Visibility::new(&occluders).fractional(tolerance, vec![]).unwrap();
+            let cells = [0, 1].map(|k| Cell::new(&Cube::new(DVec3::ZERO, 4.0), 1, [k; 3]));
+            let mut found = 0;
+            let view = |k: usize, points| CellView { cell: &cells[k], points };
+            let (t, s) = (view(0, &ceiling[..]), view(1, &floor[..]));
+            Mask::<Kernel>::pairs(&mask, t, s, &mut |_, _| found += 1);
+            let counts = mask.counts();
+            assert!(counts.rays <= before && counts.rays > 0);
+            before = counts.rays;
+            assert_eq!(counts.unhidden, found as u64);
+            assert_eq!(counts.total(), 256);
+            match counts.rays == 256 {
+                true => assert_eq!(found, exact),
+                false => assert!(found.abs_diff(exact) < 80, "{found} {exact}"),
+            }
+        }
+        assert!(before < 64, "{before}");
     }
 
     proptest! {
@@ -273,7 +561,7 @@ mod tests {
             match verdict(&masks[2], &other, &floor) {
                 Coverage::Full => prop_assert_eq!(found.len(), 256),
                 Coverage::Empty => prop_assert!(found.is_empty()),
-                Coverage::Partial => {}
+                Coverage::Partial | Coverage::Eighths(_) => {}
             }
         }
     }
