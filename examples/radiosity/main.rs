@@ -6,21 +6,43 @@
 //! where all pairs of two cells see each other, and pair by pair elsewhere.
 
 mod args;
+#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
+mod builder;
 mod camera;
 mod check;
+#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
+mod city;
 mod cornell;
+#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
+mod cornell_box;
 mod gather;
-#[expect(dead_code, reason = "not yet in use")]
+#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
+mod generators;
+#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
+mod geometry;
+#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
+mod hall;
+#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
 mod mesh;
 mod output;
+#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
+mod polygon;
 mod progress;
 mod render;
 mod report;
-#[expect(dead_code, reason = "not yet in use")]
+#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
+mod rooms;
+#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
+mod round;
+#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
 mod scene;
+#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
+mod scene_error;
 mod shading;
 mod solve;
 mod surfels;
+#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
+mod text;
 mod tone;
 
 use std::f64::consts::FRAC_1_PI;
