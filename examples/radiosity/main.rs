@@ -15,6 +15,8 @@ mod city;
 mod cornell;
 #[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
 mod cornell_box;
+#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
+mod description;
 mod gather;
 #[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
 mod generators;
@@ -23,8 +25,20 @@ mod geometry;
 #[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
 mod hall;
 #[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
+mod load;
+#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
 mod mesh;
+#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
+mod obj;
+#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
+mod off;
+#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
+mod orient;
 mod output;
+#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
+mod ply;
+#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
+mod points;
 #[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
 mod polygon;
 mod progress;
@@ -40,10 +54,16 @@ mod scene;
 mod scene_error;
 mod shading;
 mod solve;
+#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
+mod soup;
+#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
+mod stl;
 mod surfels;
 #[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
 mod text;
 mod tone;
+#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
+mod triangulate;
 
 use std::f64::consts::FRAC_1_PI;
 use std::io::{self, Write};

@@ -63,12 +63,12 @@ pub(crate) enum SceneError {
         source: Box<toml::de::Error>,
     },
     /// A PLY file that its reader refuses.
-    #[error("{path}: {source}")]
+    #[error("{path}: {problem}")]
     Ply {
         /// The file.
         path: PathBuf,
         /// What is wrong, and where.
-        source: ply_rs_bw::parser::ParseError,
+        problem: String,
     },
     /// A scene without anything in it.
     #[error("the scene has neither surfaces nor points: expected at least one of them")]
