@@ -144,7 +144,7 @@ mod tests {
         let mut builder = Builder::new(vec![Material::grey()]);
         let footprint = rectangle(DVec2::new(1.0, 2.0), DVec2::new(3.0, 5.0));
         builder.add_sides(&footprint, [0.0, 2.0], 0);
-        builder.add_level(&[footprint.clone()], 2.0, DVec3::Y, 0);
+        builder.add_level(std::slice::from_ref(&footprint), 2.0, DVec3::Y, 0);
         let scene = builder.finish(camera(), false);
         let centre = DVec3::new(3.5, 1.0, 2.0);
         assert_eq!(scene.surfaces.len(), 5);

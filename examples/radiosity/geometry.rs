@@ -19,8 +19,8 @@ pub(crate) fn area(surface: &Surface) -> f64 {
     vector_area(&surface.corners).length()
 }
 
-/// Whether every edge of the surfaces is also run through the other way, by one other surface: then
-/// they enclose a volume, without gaps.
+/// Whether every edge of the surfaces is run through as often one way as the other: then they enclose
+/// volumes, without gaps.
 pub(crate) fn is_watertight(surfaces: &[Surface]) -> bool {
     // Adding zero turns −0 into 0.
     let key = |p: DVec3| (p + DVec3::ZERO).to_array().map(f64::to_bits);

@@ -62,7 +62,7 @@ pub(crate) fn columns() -> Scene {
     builder.add_flat(&[side], |p| DVec3::new(HALF_WIDTH, p.y, p.x), DVec3::NEG_X, plaster);
     let end = rectangle(DVec2::new(-HALF_WIDTH, 0.0), DVec2::new(HALF_WIDTH, HEIGHT));
     for (z, front) in [(0.0, DVec3::Z), (LENGTH, DVec3::NEG_Z)] {
-        builder.add_flat(&[end.clone()], |p| DVec3::new(p.x, p.y, z), front, plaster);
+        builder.add_flat(std::slice::from_ref(&end), |p| DVec3::new(p.x, p.y, z), front, plaster);
     }
 
     let camera = Viewpoint {

@@ -6,63 +6,43 @@
 //! where all pairs of two cells see each other, and pair by pair elsewhere.
 
 mod args;
-#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
+mod assembly;
 mod builder;
 mod camera;
 mod check;
-#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
 mod city;
 mod cornell;
-#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
 mod cornell_box;
-#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
 mod description;
 mod gather;
-#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
 mod generators;
-#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
 mod geometry;
-#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
 mod hall;
 #[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
 mod load;
 #[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
 mod mesh;
-#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
 mod obj;
-#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
 mod off;
-#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
 mod orient;
 mod output;
-#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
 mod ply;
-#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
 mod points;
-#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
 mod polygon;
 mod progress;
 mod render;
 mod report;
-#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
 mod rooms;
-#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
 mod round;
-#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
 mod scene;
-#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
 mod scene_error;
 mod shading;
 mod solve;
-#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
 mod soup;
-#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
 mod stl;
 mod surfels;
-#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
 mod text;
 mod tone;
-#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
 mod triangulate;
 
 use std::f64::consts::FRAC_1_PI;

@@ -194,7 +194,8 @@ mod tests {
 
     #[test]
     fn of_an_open_sheet_the_fewer_faces_are_turned() {
-        let strip = |k: u32| if k % 2 == 0 { [k, k + 1, k + 2] } else { [k + 1, k, k + 2] };
+        let strip =
+            |k: u32| if k.is_multiple_of(2) { [k, k + 1, k + 2] } else { [k + 1, k, k + 2] };
         let vertices: Vec<_> = (0..9).map(|k| DVec3::new(k as f64, (k % 2) as f64, 0.0)).collect();
         let right: Vec<_> = (0..7).map(strip).collect();
         for wrong in [vec![3], vec![0, 4, 6]] {

@@ -23,82 +23,27 @@ use crate::text::read_bytes;
 /// properties, or [`SceneError::Entry`] for what is wrong with a vertex or a face.
 pub(crate) fn read(path: &Path) -> Result<Scene, SceneError> {
     let bytes = read_bytes(path)?;
-    let refusal = |error: ParseError| {
-        // The reader's messages run over several lines.
-        let problem = error.to_string().split_whitespace().collect::<Vec<_>>().join(" ");
-        SceneError::Ply { path: path.to_owned(), problem }
-    };
-    let expected = |expected: &str| {
-        let expected = expected.to_owned();
-        Err(SceneError::File { path: path.to_owned(), expected })
-    };
-    let mut reader = Reader::new(&bytes[..]);
-    let header = Parser::<Passed>::new().read_header(&mut reader).map_err(refusal)?;
-    let (mut vertices, mut faces) = (Vec::<Vertex>::new(), Vec::<Face>::new());
-    for element in header.elements.values() {
-        if element.properties.is_empty() && element.count > 0 {
-            // Any number of them would take no bytes in a binary file.
-            return expected("properties of every element");
-        }
-        let parser = Parser::<Passed>::new();
-        match element.name.as_str() {
-            "vertex" if !(["x", "y", "z"].iter().all(|name| is_scalar(element, name))) => {
-                return expected("numbers x, y and z of every vertex");
-            }
-            "vertex" => {
-                let parser = Parser::new();
-                let found = parser.read_payload_for_element(&mut reader, element, &header);
-                vertices = found.map_err(refusal)?;
-            }
-            "face" => {
-                let parser = Parser::new();
-                let found = parser.read_payload_for_element(&mut reader, element, &header);
-                faces = found.map_err(refusal)?;
-            }
-            _ => {
-                let passed = parser.read_payload_for_element(&mut reader, element, &header);
-                passed.map_err(refusal)?;
-            }
-        }
-    }
-    let entry = |kind, index, expected: String| {
-        Err(SceneError::Entry { path: path.to_owned(), kind, index, expected })
-    };
+    let Elements { vertices, faces, oriented } = elements(path, &bytes)?;
     if let Some(index) = vertices.iter().position(|v| !v.position.is_finite()) {
-        return entry(
-            "vertex",
-            index,
-            format!("finite coordinates, found {}", vertices[index].position),
-        );
+        let expected = format!("finite coordinates, found {}", vertices[index].position);
+        return Err(SceneError::Entry { path: path.to_owned(), kind: "vertex", index, expected });
     }
-    if faces.is_empty() {
-        let oriented = header
-            .elements
-            .get("vertex")
-            .is_some_and(|element| ["nx", "ny", "nz"].iter().all(|name| is_scalar(element, name)));
-        if !oriented {
-            return expected("faces, or a normal nx, ny, nz of every vertex");
-        }
-        return match points(&vertices) {
-            Ok(scene) => Ok(scene),
-            Err(Some(index)) => {
-                entry("vertex", index, "a positive finite area or radius".to_owned())
-            }
-            Err(None) => expected("an area or a radius of every vertex, or neighbours to tell it"),
-        };
+    if !faces.is_empty() {
+        mesh(path, &vertices, faces)
+    } else if oriented {
+        points(path, &vertices)
+    } else {
+        Err(file_refusal(path, "faces, or a normal nx, ny, nz of every vertex"))
     }
-    let count = vertices.len();
-    let mut soup = Soup::default();
-    for (index, face) in faces.into_iter().enumerate() {
-        let corners = face.corners.filter(|corners| corners.iter().all(|&k| (k as usize) < count));
-        let Some(corners) = corners else {
-            return entry("face", index, format!("a list of vertices below {count}"));
-        };
-        let corners = corners.into_iter().map(|k| k as usize).collect();
-        soup.polygons.push(Polygon { corners, material: 0 });
-    }
-    soup.vertices = vertices.into_iter().map(|v| v.position).collect();
-    Ok(soup.into_scene(vec![Material::grey()]))
+}
+
+/// What there is in a file.
+#[derive(Clone, Debug, Default)]
+struct Elements {
+    vertices: Vec<Vertex>,
+    faces: Vec<Face>,
+    /// Whether the vertices have normals.
+    oriented: bool,
 }
 
 /// A vertex or an oriented point.
@@ -119,6 +64,13 @@ struct Face {
 /// What is of no use here.
 #[derive(Clone, Copy, Debug, Default)]
 struct Passed;
+
+impl Vertex {
+    /// The area, or that of a disk of the radius.
+    fn given_area(&self) -> Option<f64> {
+        self.area.or_else(|| self.radius.map(|radius| std::f64::consts::PI * radius * radius))
+    }
+}
 
 impl PropertyAccess for Vertex {
     fn new() -> Self {
@@ -182,9 +134,72 @@ fn is_scalar(element: &ElementDef, name: &str) -> bool {
     property.is_some_and(|property| matches!(property.data_type, PropertyType::Scalar(_)))
 }
 
-/// The scene of oriented points. Fails with the first point that has a wrong area, or with none if
-/// areas are missing and can't be estimated.
-fn points(vertices: &[Vertex]) -> Result<Scene, Option<usize>> {
+/// The elements in a file of these bytes.
+fn elements(path: &Path, bytes: &[u8]) -> Result<Elements, SceneError> {
+    let refusal = |error: ParseError| {
+        // The reader's messages run over several lines.
+        let problem = error.to_string().split_whitespace().collect::<Vec<_>>().join(" ");
+        SceneError::Ply { path: path.to_owned(), problem }
+    };
+    let mut reader = Reader::new(bytes);
+    let header = Parser::<Passed>::new().read_header(&mut reader).map_err(refusal)?;
+    let mut all = Elements::default();
+    for element in header.elements.values() {
+        if element.properties.is_empty() && element.count > 0 {
+            // Any number of them would take no bytes in a binary file.
+            return Err(file_refusal(path, "properties of every element"));
+        }
+        let has = |names: [&str; 3]| names.iter().all(|name| is_scalar(element, name));
+        match element.name.as_str() {
+            "vertex" if has(["x", "y", "z"]) => {
+                let vertices =
+                    Parser::new().read_payload_for_element(&mut reader, element, &header);
+                all.vertices = vertices.map_err(refusal)?;
+                all.oriented = has(["nx", "ny", "nz"]);
+            }
+            "vertex" => return Err(file_refusal(path, "numbers x, y and z of every vertex")),
+            "face" => {
+                let faces = Parser::new().read_payload_for_element(&mut reader, element, &header);
+                all.faces = faces.map_err(refusal)?;
+            }
+            _ => {
+                let parser = Parser::<Passed>::new();
+                let passed = parser.read_payload_for_element(&mut reader, element, &header);
+                passed.map_err(refusal)?;
+            }
+        }
+    }
+    Ok(all)
+}
+
+/// The scene of a mesh.
+fn mesh(path: &Path, vertices: &[Vertex], faces: Vec<Face>) -> Result<Scene, SceneError> {
+    let count = vertices.len();
+    let mut soup = Soup::default();
+    for (index, face) in faces.into_iter().enumerate() {
+        let corners = face.corners.filter(|corners| corners.iter().all(|&k| (k as usize) < count));
+        let Some(corners) = corners else {
+            let (path, expected) = (path.to_owned(), format!("a list of vertices below {count}"));
+            return Err(SceneError::Entry { path, kind: "face", index, expected });
+        };
+        let corners = corners.into_iter().map(|k| k as usize).collect();
+        soup.polygons.push(Polygon { corners, material: 0 });
+    }
+    soup.vertices = vertices.iter().map(|v| v.position).collect();
+    Ok(soup.into_scene(vec![Material::grey()]))
+}
+
+/// The scene of oriented points.
+fn points(path: &Path, vertices: &[Vertex]) -> Result<Scene, SceneError> {
+    let wrong = |v: &Vertex| {
+        let positive = |value: f64| value > 0.0 && value.is_finite();
+        v.given_area().is_some_and(|area| !positive(area))
+            || v.radius.is_some_and(|radius| !positive(radius))
+    };
+    if let Some(index) = vertices.iter().position(wrong) {
+        let (path, expected) = (path.to_owned(), "a positive finite area or radius".to_owned());
+        return Err(SceneError::Entry { path, kind: "vertex", index, expected });
+    }
     let mut repairs = Vec::new();
     let oriented: Vec<_> =
         vertices.iter().filter(|v| v.normal.try_normalize().is_some()).copied().collect();
@@ -192,21 +207,13 @@ fn points(vertices: &[Vertex]) -> Result<Scene, Option<usize>> {
     if dropped > 0 {
         repairs.push(format!("points without a normal, dropped: {dropped}"));
     }
-    let given = |v: &Vertex| {
-        v.area.or_else(|| v.radius.map(|radius| std::f64::consts::PI * radius * radius))
-    };
-    let wrong = |v: &Vertex| {
-        let positive = |value: f64| value > 0.0 && value.is_finite();
-        given(v).is_some_and(|area| !positive(area)) || v.radius.is_some_and(|r| !positive(r))
-    };
-    if let Some(index) = vertices.iter().position(wrong) {
-        return Err(Some(index));
-    }
-    let areas: Vec<f64> = match oriented.iter().map(given).collect() {
+    let given: Option<Vec<_>> = oriented.iter().map(Vertex::given_area).collect();
+    let areas = match given {
         Some(areas) => areas,
         None => {
             let positions: Vec<_> = oriented.iter().map(|v| v.position).collect();
-            let areas = areas(&positions).ok_or(None)?;
+            let expected = "an area or a radius of every vertex, or neighbours to tell it";
+            let areas = areas(&positions).ok_or_else(|| file_refusal(path, expected))?;
             let count = areas.len();
             repairs.push(format!("points whose area was estimated from their neighbours: {count}"));
             areas
@@ -218,6 +225,10 @@ fn points(vertices: &[Vertex]) -> Result<Scene, Option<usize>> {
     };
     let points = oriented.iter().zip(areas).map(point).collect();
     Ok(Scene { materials: vec![Material::grey()], points, repairs, ..Scene::default() })
+}
+
+fn file_refusal(path: &Path, expected: &str) -> SceneError {
+    SceneError::File { path: path.to_owned(), expected: expected.to_owned() }
 }
 
 #[cfg(test)]

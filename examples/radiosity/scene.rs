@@ -67,6 +67,7 @@ impl Scene {
 
     /// What a material radiates \[W/m²], band by band: its emission; with `heat`, (1 − ρ) σ T⁴, which
     /// is nothing for a material without a temperature.
+    #[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
     pub(crate) fn emission(&self, material: usize, heat: bool) -> Vec<f64> {
         let material = &self.materials[material];
         if !heat {
@@ -169,9 +170,10 @@ pub(crate) struct ScenePoint {
 impl ScenePoint {
     /// Checks its place, its normal and its area; otherwise says what was expected.
     fn check(&self) -> Result<(), &'static str> {
+        let unit = (self.normal.length_squared() - 1.0).abs() <= UNIT_TOLERANCE;
         if !self.position.is_finite() {
             Err("finite coordinates")
-        } else if !((self.normal.length_squared() - 1.0).abs() <= UNIT_TOLERANCE) {
+        } else if !unit {
             Err("a unit normal")
         } else if !(self.area > 0.0 && self.area.is_finite()) {
             Err("a positive finite area")

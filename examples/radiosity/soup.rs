@@ -244,7 +244,7 @@ mod tests {
     fn what_cannot_be_oriented_is_said() {
         let strip = |k: usize| {
             let angle = (k / 2) as f64 * std::f64::consts::TAU / 3.0;
-            let up = if k % 2 == 0 { 0.0 } else { 1.0 };
+            let up = if k.is_multiple_of(2) { 0.0 } else { 1.0 };
             [angle.cos() * (1.0 + 0.3 * up), angle.sin(), up]
         };
         let vertices: Vec<_> = (0..6).map(strip).collect();
