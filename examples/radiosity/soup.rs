@@ -156,7 +156,8 @@ impl Pieces {
 
 /// Whether all corners lie in one plane, up to the tolerance of patches.
 fn is_flat(corners: &[DVec3]) -> bool {
-    let Some(&origin) = corners.first() else { return true };
+    // Three corners always do, but rounding hides it where there is no area.
+    let [origin, _, _, _, ..] = *corners else { return true };
     let normal = vector_area(corners).normalize_or_zero();
     let size = corners.iter().map(|p| p.distance(origin)).fold(0.0, f64::max);
     corners.iter().all(|&p| normal.dot(p - origin).abs() <= FLATNESS * size)
@@ -225,6 +226,17 @@ mod tests {
             ["faces without area, dropped: 3", "duplicate faces, dropped: 1"]
         );
         assert!(scene.check().is_ok());
+    }
+
+    #[test]
+    fn triangles_without_area_count_as_flat() {
+        let sliver = [[0.0, 0.0, -1.0], [2.1e-16, 7e-19, -1.0], [1.9e-16, 8e-17, -1.0 + 1e-16]];
+        let needle = [[0.1, 0.2, 0.3], [0.2, 0.4, 0.6], [0.3, 0.6, 0.9]];
+        for vertices in [sliver, needle] {
+            let scene = scene(&vertices, &[&[0, 1, 2]]);
+            let dropped = ["faces without area, dropped: 1"];
+            assert!(scene.surfaces.len() == 1 || scene.repairs == dropped, "{:?}", scene.repairs);
+        }
     }
 
     #[test]
