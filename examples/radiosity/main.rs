@@ -6,22 +6,44 @@
 //! where all pairs of two cells see each other, and pair by pair elsewhere.
 
 mod args;
+mod assembly;
+mod builder;
 mod camera;
 mod check;
+mod city;
 mod cornell;
+mod cornell_box;
+mod description;
 mod gather;
-#[expect(dead_code, reason = "not yet in use")]
+mod generators;
+mod geometry;
+mod hall;
+#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
+mod load;
+#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
 mod mesh;
+mod obj;
+mod off;
+mod orient;
 mod output;
+mod ply;
+mod points;
+mod polygon;
 mod progress;
 mod render;
 mod report;
-#[expect(dead_code, reason = "not yet in use")]
+mod rooms;
+mod round;
 mod scene;
+mod scene_error;
 mod shading;
 mod solve;
+mod soup;
+mod stl;
 mod surfels;
+mod text;
 mod tone;
+mod triangulate;
 
 use std::f64::consts::FRAC_1_PI;
 use std::io::{self, Write};
