@@ -9,19 +9,32 @@ mod args;
 mod camera;
 mod check;
 mod cornell;
+mod fit;
 mod gather;
+mod lamps;
 #[expect(dead_code, reason = "not yet in use")]
 mod mesh;
+mod neighbours;
 mod output;
+#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
+mod palette;
 mod progress;
 mod render;
 mod report;
 #[expect(dead_code, reason = "not yet in use")]
 mod scene;
 mod shading;
+mod sight;
+#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
+mod smooth;
 mod solve;
 mod surfels;
 mod tone;
+mod vertices;
+#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
+mod view;
+#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
+mod viewpoint;
 
 use std::f64::consts::FRAC_1_PI;
 use std::io::{self, Write};
