@@ -9,6 +9,7 @@ mod args;
 mod camera;
 mod check;
 mod cornell;
+mod fields;
 mod fit;
 mod gather;
 mod lamps;
@@ -18,6 +19,7 @@ mod neighbours;
 mod output;
 #[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
 mod palette;
+mod ply;
 mod progress;
 mod render;
 mod report;
@@ -29,12 +31,14 @@ mod sight;
 mod smooth;
 mod solve;
 mod surfels;
+mod table;
 mod tone;
 mod vertices;
 #[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
 mod view;
 #[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
 mod viewpoint;
+mod vtu;
 
 use std::f64::consts::FRAC_1_PI;
 use std::io::{self, Write};

@@ -39,7 +39,7 @@ pub(crate) enum Backs {
 }
 
 impl<'a> Sight<'a> {
-    /// The elements, patches as they are and disks as [`octagon`]s.
+    /// The elements, patches as they are and disks as octagons of their area.
     ///
     /// # Errors
     /// Those of [`Occluders::new`].
@@ -51,8 +51,7 @@ impl<'a> Sight<'a> {
             if backs[index].is_some_and(|other| (other as usize) < index) {
                 continue;
             }
-            let octagon = octagon(element.surfel());
-            let corners = element.as_patch().map_or(&octagon[..], |patch| patch.corners());
+            let corners = outline(element);
             for k in 2..corners.len() {
                 let vertices = [corners[0], corners[k - 1], corners[k]];
                 triangles.push(Triangle { vertices, face: index as u32 });
@@ -103,8 +102,17 @@ impl<'a> Sight<'a> {
     }
 }
 
+/// The corners of what an element is drawn as, counter-clockwise around its front: its patch, or an
+/// octagon of its disk's area.
+pub(crate) fn outline(element: &Element) -> Vec<DVec3> {
+    match element.as_patch() {
+        Some(patch) => patch.corners().to_vec(),
+        None => octagon(element.surfel()).to_vec(),
+    }
+}
+
 /// The regular octagon of a disk's area around its centre, counter-clockwise around its front.
-pub(crate) fn octagon(disk: &Surfel) -> [DVec3; 8] {
+fn octagon(disk: &Surfel) -> [DVec3; 8] {
     let radius = (disk.area / (2.0 * std::f64::consts::SQRT_2)).sqrt();
     let (u, v) = disk.normal.any_orthonormal_pair();
     std::array::from_fn(|k| {
