@@ -49,7 +49,7 @@ pub(crate) struct Receiver {
 
 impl Lamps {
     /// The surfaces of `scene` whose elements emit: `emission` has the exitance of each element of
-    /// `mesh` \[W/m²\]. Their points are distributed over `rays`² turns.
+    /// `mesh` \[W/m²\]. Disks are left out. The lamps' points are distributed over `rays`² turns.
     pub(crate) fn new(scene: &Scene, mesh: &Mesh, emission: &[Rgb], rays: usize) -> Self {
         let mut lamps: Vec<(Patch, Rgb, u32)> = Vec::new();
         let mut known: HashMap<u32, Vec<DVec3>> = HashMap::new();
@@ -60,9 +60,13 @@ impl Lamps {
             {
                 continue;
             }
-            sides.push(normal);
-            let Some(surface) = scene.surfaces.get(origin as usize) else { continue };
-            if let Ok(lamp) = turned_to(normal, &surface.corners) {
+            let surface = scene.surfaces.get(origin as usize);
+            let whole = surface.and_then(|surface| turned_to(normal, &surface.corners).ok());
+            if whole.is_some() {
+                sides.push(normal);
+            }
+            // What is no patch as a whole still shines piece by piece.
+            if let Some(lamp) = whole.or(element.as_patch().copied()) {
                 lamps.push((lamp, *exitance, face));
             }
         }

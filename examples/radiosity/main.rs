@@ -6,19 +6,26 @@
 //! where all pairs of two cells see each other, and pair by pair elsewhere.
 
 mod args;
+#[cfg_attr(not(test), allow(dead_code, reason = "not yet in use"))]
 mod camera;
 mod check;
 mod cornell;
+#[cfg_attr(not(test), allow(dead_code, reason = "not yet in use"))]
 mod fields;
+#[cfg_attr(not(test), allow(dead_code, reason = "not yet in use"))]
 mod fit;
 mod gather;
+#[cfg_attr(not(test), allow(dead_code, reason = "not yet in use"))]
 mod lamps;
 #[expect(dead_code, reason = "not yet in use")]
 mod mesh;
+#[cfg_attr(not(test), allow(dead_code, reason = "not yet in use"))]
 mod neighbours;
+#[cfg_attr(not(test), allow(dead_code, reason = "not yet in use"))]
 mod output;
-#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
+#[cfg_attr(not(test), allow(dead_code, reason = "not yet in use"))]
 mod palette;
+#[cfg_attr(not(test), allow(dead_code, reason = "not yet in use"))]
 mod ply;
 mod progress;
 mod render;
@@ -26,18 +33,22 @@ mod report;
 #[expect(dead_code, reason = "not yet in use")]
 mod scene;
 mod shading;
+#[cfg_attr(not(test), allow(dead_code, reason = "not yet in use"))]
 mod sight;
-#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
+#[cfg_attr(not(test), allow(dead_code, reason = "not yet in use"))]
 mod smooth;
 mod solve;
 mod surfels;
+#[cfg_attr(not(test), allow(dead_code, reason = "not yet in use"))]
 mod table;
 mod tone;
+#[cfg_attr(not(test), allow(dead_code, reason = "not yet in use"))]
 mod vertices;
-#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
+#[cfg_attr(not(test), allow(dead_code, reason = "not yet in use"))]
 mod view;
-#[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
+#[cfg_attr(not(test), allow(dead_code, reason = "not yet in use"))]
 mod viewpoint;
+#[cfg_attr(not(test), allow(dead_code, reason = "not yet in use"))]
 mod vtu;
 
 use std::f64::consts::FRAC_1_PI;

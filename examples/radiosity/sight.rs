@@ -152,36 +152,25 @@ fn backs(elements: &[Element]) -> Vec<Option<u32>> {
     backs
 }
 
-/// See [`Seen::parameters`].
+/// See [`Seen::parameters`]: the inverse of p = a + u e + v f + uv g, in which a triangle's last corner
+/// stands twice.
 fn parameters(element: &Element, position: DVec3) -> DVec2 {
     let Some(patch) = element.as_patch() else { return DVec2::splat(0.5) };
-    let corners = patch.corners();
-    let [a, c] = [corners[0], corners[2]];
-    let side = patch.normal().cross(c - a).dot(position - a);
-    // Triangle 0 2 3 lies to the left of the diagonal, 0 1 2 to its right.
-    let weights = |b: DVec3, c: DVec3| {
-        let twice = patch.normal().dot((b - a).cross(c - a));
-        let second = patch.normal().dot((position - a).cross(c - a)) / twice;
-        let third = patch.normal().dot((b - a).cross(position - a)) / twice;
-        let [second, third] = [second, third].map(|weight| weight.clamp(0.0, 1.0));
-        // Rounding at the border must not leave the patch.
-        let excess = (second + third).max(1.0);
-        [second / excess, third / excess]
-    };
-    match corners.get(3) {
-        Some(&d) if side > 0.0 => {
-            let [second, third] = weights(c, d);
-            DVec2::new(second, second + third)
-        }
-        _ => {
-            let [second, third] = weights(corners[1], c);
-            match corners.len() {
-                4 => DVec2::new(second + third, third),
-                _ if third < 1.0 => DVec2::new(second / (1.0 - third), third),
-                _ => DVec2::Y,
-            }
-        }
-    }
+    let (a, b, c) = (patch.corners()[0], patch.corners()[1], patch.corners()[2]);
+    let d = patch.corners().get(3).copied().unwrap_or(c);
+    let (e, f, g, h) = (b - a, d - a, a - b + c - d, position - a);
+    // (h - v f) × (e + v g) = 0 is quadratic in v.
+    let cross = |p: DVec3, q: DVec3| patch.normal().dot(p.cross(q));
+    let [constant, linear, square] = [cross(h, e), cross(h, g) + cross(e, f), cross(g, f)];
+    let root = (linear * linear - 4.0 * constant * square).max(0.0).sqrt();
+    let v = unit(-2.0 * constant / (linear + root));
+    let along = e + v * g;
+    DVec2::new(unit((h - v * f).dot(along) / along.length_squared()), v)
+}
+
+/// Within [0, 1]; 0 if the corner is one where any value will do.
+fn unit(x: f64) -> f64 {
+    if x.is_nan() { 0.0 } else { x.clamp(0.0, 1.0) }
 }
 
 #[cfg(test)]
