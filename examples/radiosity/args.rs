@@ -5,20 +5,36 @@ use std::path::PathBuf;
 use clap::{Parser, ValueEnum};
 use serde::Serialize;
 
-/// Light in the Cornell box: solves the radiosity equation by a fast multipole sum with occlusion,
-/// checks the sum against direct summation, and renders the result.
+/// Light or radiant heat in a scene: solves the radiosity equation by a fast multipole sum with
+/// occlusion, checks the sum against direct summation, and pictures the result.
 ///
-/// Writes cornell.png, surfels.ply and report.json. Fails if the measured error exceeds the tolerance.
+/// Writes radiosity.png, radiosity.exr, elements.ply, elements.vtu, elements.csv, elements.npy and
+/// report.json. Fails if the measured error exceeds the tolerance.
 #[derive(Clone, Debug, Parser)]
 #[command(name = "radiosity")]
 pub(crate) struct Args {
-    /// About how many surfels to cut the walls into, from 100 to 1000000
-    #[arg(long, value_name = "N", default_value_t = 10_000, value_parser = surfels, allow_negative_numbers = true)]
-    pub(crate) surfels: usize,
+    /// cornell, furnace, sphere, bowl, two-rooms, canyon, columns, or a file: .obj, .stl, .ply, .off, or
+    /// a scene description in .toml
+    #[arg(long, value_name = "NAME|FILE", default_value = "cornell")]
+    pub(crate) scene: String,
 
-    /// Relative l2 error that the gathered light may have, between 0 and 1
-    #[arg(long, value_name = "ERROR", default_value_t = 1e-2, value_parser = tolerance, allow_negative_numbers = true)]
-    pub(crate) tolerance: f64,
+    /// About how many elements to cut the surfaces into, from 100 to 4000000; with --tolerance, at most
+    /// so many [default: 10000, or as many as the tolerance takes up to 200000]
+    #[arg(long, value_name = "N", value_parser = elements, allow_negative_numbers = true)]
+    pub(crate) elements: Option<usize>,
+
+    /// Relative l2 error of the irradiance, between 0 and 1; given, it decides the size of the elements
+    /// too [default: 0.01 for the sums alone]
+    #[arg(long, value_name = "ERROR", value_parser = tolerance, allow_negative_numbers = true)]
+    pub(crate) tolerance: Option<f64>,
+
+    /// How it is found out which elements see each other
+    #[arg(long, value_enum, default_value_t = VisibilityName::Exact)]
+    pub(crate) visibility: VisibilityName,
+
+    /// How the equation B = E + ρH is solved
+    #[arg(long, value_enum, default_value_t = SolverName::Cg)]
+    pub(crate) solver: SolverName,
 
     /// How the far field is expanded
     #[arg(long, value_enum, default_value_t = ExpansionName::Interpolation)]
@@ -28,21 +44,76 @@ pub(crate) struct Args {
     #[arg(long, value_enum, default_value_t = SchemeName::Fmm)]
     pub(crate) scheme: SchemeName,
 
-    /// How the equation B = E + ρH is solved
-    #[arg(long, value_enum, default_value_t = SolverName::Cg)]
-    pub(crate) solver: SolverName,
+    /// What is exchanged: heat takes the temperatures of materials, E = εσT⁴ with ε = 1 − ρ
+    #[arg(long, value_enum, default_value_t = QuantityName::Light)]
+    pub(crate) quantity: QuantityName,
 
-    /// Let light pass through walls and blocks: no shadows
-    #[arg(long)]
-    pub(crate) no_occlusion: bool,
+    /// Number of bands: 1 for their mean, or all that the scene has [default: all; 1 for heat]
+    #[arg(long, value_name = "N", value_parser = bands, allow_negative_numbers = true)]
+    pub(crate) bands: Option<usize>,
 
     /// Number of threads; 0 takes one per core. The result is the same for any number
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = threads, allow_negative_numbers = true)]
     pub(crate) threads: usize,
 
+    /// Also writes the form factors to this CSV file, row by row, with what goes to the sky
+    #[arg(long, value_name = "FILE")]
+    pub(crate) form_factors: Option<PathBuf>,
+
     /// Folder for the output, made if missing
     #[arg(long, value_name = "DIR", default_value = "target/radiosity")]
     pub(crate) out: PathBuf,
+
+    /// Show neither progress nor report
+    #[arg(long)]
+    pub(crate) quiet: bool,
+}
+
+/// Elements without a number and without a tolerance.
+const ELEMENTS: usize = 10_000;
+/// Elements at most where only the tolerance says how many.
+const MOST_ELEMENTS: usize = 200_000;
+/// The tolerance of the sums where none is given.
+const TOLERANCE: f64 = 1e-2;
+
+impl Args {
+    /// The relative l2 error that sums may have.
+    pub(crate) fn sum_tolerance(&self) -> f64 {
+        self.tolerance.unwrap_or(TOLERANCE)
+    }
+
+    /// How many elements there are to be, at most if [adaptive](Self::is_adaptive).
+    pub(crate) fn element_count(&self) -> usize {
+        let most = if self.is_adaptive() { MOST_ELEMENTS } else { ELEMENTS };
+        self.elements.unwrap_or(most)
+    }
+
+    /// Whether the size of elements follows from the tolerance.
+    pub(crate) fn is_adaptive(&self) -> bool {
+        self.tolerance.is_some()
+    }
+}
+
+/// How it is found out which elements see each other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum VisibilityName {
+    /// Every pair that no certificate settles by a ray of its own
+    Exact,
+    /// By samples where the tolerance allows
+    Fractional,
+    /// Not at all: light passes through everything
+    None,
+}
+
+/// What is exchanged.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum QuantityName {
+    /// What lamps emit
+    Light,
+    /// What surfaces radiate by their temperature
+    Heat,
 }
 
 /// The far-field expansions.
@@ -61,7 +132,7 @@ pub(crate) enum ExpansionName {
 pub(crate) enum SchemeName {
     /// Multipole and local expansions: O(N)
     Fmm,
-    /// Multipole expansions evaluated at every surfel: O(N log N)
+    /// Multipole expansions evaluated at every element: O(N log N)
     Treecode,
     /// Every pair by itself: O(N²)
     Direct,
@@ -71,16 +142,22 @@ pub(crate) enum SchemeName {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum SolverName {
-    /// Conjugate gradients: a few sums over all surfels, however white they are
+    /// Conjugate gradients: a few sums over all elements, however white they are
     Cg,
-    /// All surfels gather at once, bounce after bounce
+    /// All elements gather at once, bounce after bounce
     Jacobi,
-    /// The surfel with the most unshot light shoots, one after the other; every pair by itself
+    /// The element with the most unshot light shoots, one after the other; every pair by itself
     Southwell,
+    /// Stabilised biconjugate gradients: a few sums, also where the exchange is not reciprocal
+    Bicgstab,
 }
 
-fn surfels(text: &str) -> Result<usize, String> {
-    integer(text, 100, 1_000_000)
+fn elements(text: &str) -> Result<usize, String> {
+    integer(text, 100, 4_000_000)
+}
+
+fn bands(text: &str) -> Result<usize, String> {
+    integer(text, 1, 1024)
 }
 
 fn threads(text: &str) -> Result<usize, String> {
@@ -106,15 +183,21 @@ mod tests {
     fn the_command_line_is_consistent_and_needs_no_arguments() {
         Args::command().debug_assert();
         let args = Args::try_parse_from(["radiosity"]).expect("every argument has a default");
-        assert_eq!((args.surfels, args.tolerance), (10_000, 1e-2));
+        assert_eq!((args.element_count(), args.sum_tolerance()), (10_000, 1e-2));
+        assert!(!args.is_adaptive());
+        let args = Args::parse_from(["radiosity", "--tolerance", "0.1"]);
+        assert_eq!((args.element_count(), args.sum_tolerance()), (200_000, 0.1));
+        assert!(args.is_adaptive());
     }
 
     #[test]
     fn values_out_of_range_are_refused() {
         let refused = [
-            ["--surfels", "0"],
-            ["--surfels", "-5"],
-            ["--surfels", "1e4"],
+            ["--elements", "0"],
+            ["--elements", "-5"],
+            ["--elements", "1e4"],
+            ["--bands", "0"],
+            ["--visibility", "maybe"],
             ["--tolerance", "0"],
             ["--tolerance", "1"],
             ["--tolerance", "NaN"],

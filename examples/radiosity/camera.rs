@@ -2,6 +2,8 @@
 
 use glam::DVec3;
 
+use crate::scene::Viewpoint;
+
 /// A pinhole camera with a square film.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Camera {
@@ -20,6 +22,14 @@ impl Camera {
     pub(crate) fn new(eye: DVec3, forward: DVec3, up: DVec3, film_over_focal: f64) -> Self {
         let half = 0.5 * film_over_focal;
         Self { eye, forward, right: half * forward.cross(up), down: -half * up }
+    }
+
+    /// The camera of a viewpoint. Where it looks nowhere, or along what is up, any direction will do.
+    pub(crate) fn at(view: &Viewpoint) -> Self {
+        let forward = (view.target - view.eye).try_normalize().unwrap_or(DVec3::NEG_Z);
+        let up = view.up.reject_from_normalized(forward).try_normalize();
+        let up = up.unwrap_or_else(|| forward.any_orthonormal_vector());
+        Self::new(view.eye, forward, up, view.film_over_focal)
     }
 
     /// Where the rays start.
@@ -48,6 +58,20 @@ mod tests {
         let (x, y) = (from_centre(camera.right), from_centre(camera.down));
         assert!(camera.direction(x, y).abs_diff_eq(ray, 1e-12));
         (x, y)
+    }
+
+    #[test]
+    fn a_viewpoint_has_its_target_in_the_middle_and_up_upwards() {
+        let up = DVec3::new(0.3, 5.0, 1.0);
+        let [eye, target] = [DVec3::new(4.0, 1.0, 2.0), DVec3::new(-1.0, 0.5, 3.0)];
+        let camera = Camera::at(&Viewpoint { eye, target, up, film_over_focal: 0.8 });
+        assert!(camera.direction(0.5, 0.5).abs_diff_eq((target - eye).normalize(), 1e-12));
+        assert!(camera.down.dot(up) < 0.0 && camera.right.dot(up).abs() < 1e-12);
+        assert!((camera.right.length() - 0.4).abs() < 1e-12);
+        for (target, up) in [(eye, up), (eye + up, up), (DVec3::NAN, DVec3::ZERO)] {
+            let camera = Camera::at(&Viewpoint { eye, target, up, film_over_focal: 0.8 });
+            assert!(camera.direction(0.2, 0.9).is_finite());
+        }
     }
 
     #[test]

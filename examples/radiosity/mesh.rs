@@ -28,20 +28,13 @@ pub(crate) struct Mesh {
 pub(crate) type Cuts = [u32; 2];
 
 impl Mesh {
-    /// A scene in about `elements` elements of nearly equal size: more only if it takes more to have
-    /// one for every side of every surface and point, and fewer where many surfaces of equal size
-    /// would go from too few to too many at once.
+    /// A scene in about `elements` elements of nearly equal size, by [`even_cuts`].
     ///
     /// # Errors
-    /// What [`Scene::check`] and [`Mesh::with_cuts`] refuse, and [`SceneError::TooManyElements`] if
-    /// too many are asked for.
+    /// Those of [`even_cuts`] and [`Mesh::with_cuts`].
+    #[cfg(test)]
     pub(crate) fn new(scene: &Scene, elements: usize) -> Result<Self, SceneError> {
-        if elements > MOST_ELEMENTS {
-            let (found, limit) = (elements as f64, MOST_ELEMENTS);
-            return Err(SceneError::TooManyElements { found, limit });
-        }
-        scene.check()?;
-        Self::with_cuts(scene, &even_cuts(scene, elements))
+        Self::with_cuts(scene, &even_cuts(scene, elements)?)
     }
 
     /// A scene whose surfaces are cut as given, see [`pieces`]. First come the elements of surfaces,
@@ -159,6 +152,17 @@ pub(crate) fn pieces(corners: &[DVec3], [nu, nv]: Cuts) -> Vec<Vec<DVec3>> {
     pieces
 }
 
+/// The number among [`pieces`] of the one in row i and column j: of a triangle, of those that are not
+/// turned. None beyond the last.
+pub(crate) fn piece_number(corners: usize, [nu, nv]: Cuts, [i, j]: [u32; 2]) -> Option<usize> {
+    let number = match corners {
+        3 if i + j < nu => 2 * nu * i - i * i + 2 * j,
+        4 if i < nu && j < nv => i * nv + j,
+        _ => return None,
+    };
+    Some(number as usize)
+}
+
 /// How many elements surfaces with these cuts, and points, come to.
 fn count(scene: &Scene, cuts: impl Iterator<Item = Cuts>) -> f64 {
     let sides = |material: usize| if scene.materials[material].two_sided { 2.0 } else { 1.0 };
@@ -170,15 +174,25 @@ fn count(scene: &Scene, cuts: impl Iterator<Item = Cuts>) -> f64 {
     surfaces + scene.points.iter().map(|point| sides(point.material)).sum::<f64>()
 }
 
-/// The cuts that make as many elements of nearly equal size as possible without exceeding `elements`.
-fn even_cuts(scene: &Scene, elements: usize) -> Vec<Cuts> {
+/// The cuts that make about `elements` elements of nearly equal size: more only if it takes more to have
+/// one for every side of every surface and point, and fewer where many surfaces of equal size would go
+/// from too few to too many at once.
+///
+/// # Errors
+/// What [`Scene::check`] refuses, and [`SceneError::TooManyElements`] if too many are asked for.
+pub(crate) fn even_cuts(scene: &Scene, elements: usize) -> Result<Vec<Cuts>, SceneError> {
+    if elements > MOST_ELEMENTS {
+        let (found, limit) = (elements as f64, MOST_ELEMENTS);
+        return Err(SceneError::TooManyElements { found, limit });
+    }
+    scene.check()?;
     let lengths: Vec<_> = scene.surfaces.iter().map(edge_lengths).collect();
     let cuts = |edge: f64| lengths.iter().map(move |lengths| lengths.map(|l| pieces_of(l, edge)));
     let fits = |edge: f64| count(scene, cuts(edge)) <= elements as f64;
     // No surface is cut at all if elements may be as long as the longest of them.
     let mut high = lengths.iter().flatten().copied().fold(0.0, f64::max);
     if !fits(high) {
-        return cuts(high).collect();
+        return Ok(cuts(high).collect());
     }
     let mut low = high;
     while low > 0.0 && fits(low) {
@@ -193,7 +207,7 @@ fn even_cuts(scene: &Scene, elements: usize) -> Vec<Cuts> {
             low = edge;
         }
     }
-    cuts(high).collect()
+    Ok(cuts(high).collect())
 }
 
 /// How often the edge of elements is bisected, down to a thousandth.
@@ -207,7 +221,7 @@ fn pieces_of(length: f64, edge: f64) -> u32 {
 
 /// Mean lengths of a quadrilateral across and along. For a triangle the edge of the square of
 /// the same area, so that its pieces are as large as those of quadrilaterals.
-fn edge_lengths(surface: &Surface) -> [f64; 2] {
+pub(crate) fn edge_lengths(surface: &Surface) -> [f64; 2] {
     match surface.corners[..] {
         [a, b, c, d] => {
             [0.5 * (a.distance(b) + d.distance(c)), 0.5 * (a.distance(d) + b.distance(c))]

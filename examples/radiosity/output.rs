@@ -4,9 +4,13 @@ use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use farfield_radiosity::Surfel;
+use exr::prelude::{Image, SpecificChannels, Vec2, WritableImage};
 
+use crate::fields::Fields;
+use crate::mesh::Mesh;
 use crate::report::Report;
+use crate::tone::Rgb;
+use crate::{ply_mesh, table, vtu};
 
 /// A failure to write, with the file or folder it concerns.
 #[derive(Debug, thiserror::Error)]
@@ -14,6 +18,13 @@ use crate::report::Report;
 pub(crate) struct OutputError {
     path: PathBuf,
     source: io::Error,
+}
+
+impl OutputError {
+    /// What went wrong with the file at `path`.
+    pub(crate) fn new(path: &Path, source: io::Error) -> Self {
+        Self { path: path.to_owned(), source }
+    }
 }
 
 /// Files of one folder that appear together: [`publish`](Self::publish) gives them their names, and
@@ -54,29 +65,66 @@ impl Output {
         })
     }
 
-    /// Writes surfels as a point cloud with normals, areas and colours.
-    pub(crate) fn ply(
+    /// Writes a square picture of radiances in linear RGB, row by row from the upper left corner, as
+    /// OpenEXR in single precision.
+    pub(crate) fn exr(
         &mut self,
         name: &'static str,
-        surfels: &[Surfel],
-        codes: &[[u8; 3]],
+        size: usize,
+        radiances: &[Rgb],
     ) -> Result<(), OutputError> {
         self.write(name, |file| {
-            writeln!(file, "ply\nformat ascii 1.0\nelement vertex {}", surfels.len())?;
-            for property in ["x", "y", "z", "nx", "ny", "nz", "area"] {
-                writeln!(file, "property float {property}")?;
+            if radiances.len() != size * size {
+                return Err(io::Error::new(io::ErrorKind::InvalidInput, "not a square picture"));
             }
-            for property in ["red", "green", "blue"] {
-                writeln!(file, "property uchar {property}")?;
-            }
-            writeln!(file, "end_header")?;
-            for (surfel, [r, g, b]) in surfels.iter().zip(codes) {
-                let (p, n) = (surfel.position.as_vec3(), surfel.normal.as_vec3());
-                write!(file, "{} {} {} {} {} {} ", p.x, p.y, p.z, n.x, n.y, n.z)?;
-                writeln!(file, "{} {r} {g} {b}", surfel.area as f32)?;
-            }
-            Ok(())
+            let channels = SpecificChannels::rgb(|place: Vec2<usize>| {
+                let [r, g, b] = radiances[place.y() * size + place.x()].map(|band| band as f32);
+                (r, g, b)
+            });
+            let image = Image::from_channels((size, size), channels);
+            image.write().non_parallel().to_buffered(file).map_err(io::Error::other)
         })
+    }
+
+    /// Writes a mesh with what is known of its elements, and their colours as sRGB codes, as PLY.
+    pub(crate) fn ply_mesh(
+        &mut self,
+        name: &'static str,
+        mesh: &Mesh,
+        fields: &Fields,
+        codes: &[[u8; 3]],
+    ) -> Result<(), OutputError> {
+        self.write(name, |file| ply_mesh::write(file, mesh, fields, codes))
+    }
+
+    /// Writes a mesh with what is known of its elements as a VTK unstructured grid.
+    pub(crate) fn vtu(
+        &mut self,
+        name: &'static str,
+        mesh: &Mesh,
+        fields: &Fields,
+    ) -> Result<(), OutputError> {
+        self.write(name, |file| vtu::write(file, mesh, fields))
+    }
+
+    /// Writes a line of numbers for each element as CSV, below a line with their names.
+    pub(crate) fn csv(
+        &mut self,
+        name: &'static str,
+        mesh: &Mesh,
+        fields: &Fields,
+    ) -> Result<(), OutputError> {
+        self.write(name, |file| table::csv(file, mesh, fields))
+    }
+
+    /// Writes the numbers of a CSV file as a matrix with a row for each element, as NPY.
+    pub(crate) fn npy(
+        &mut self,
+        name: &'static str,
+        mesh: &Mesh,
+        fields: &Fields,
+    ) -> Result<(), OutputError> {
+        self.write(name, |file| table::npy(file, mesh, fields))
     }
 
     /// Writes a report as JSON.
@@ -163,6 +211,54 @@ mod tests {
         assert_eq!(names(&folder), ["s.ply"]);
         let ply = fs::read_to_string(folder.join("s.ply")).expect("readable");
         assert!(ply.starts_with("ply\n") && ply.ends_with("\n1 0 0 0 1 0 2 1 2 3\n"), "{ply}");
+        fs::remove_dir_all(&folder).expect("removable");
+    }
+
+    #[test]
+    fn pictures_keep_every_radiance() {
+        let folder = folder("exr");
+        let radiance = |k: usize| [0.1 * k as f64, -3.5e7, 1e-9];
+        let radiances: Vec<Rgb> = (0..9).map(radiance).collect();
+        let mut output = Output::new(&folder).expect("writable");
+        output.exr("p.exr", 3, &radiances).expect("written");
+        let error = output.exr("q.exr", 2, &radiances).expect_err("nine pixels");
+        assert!(error.to_string().contains("square"), "{error}");
+        drop(output);
+        let mut output = Output::new(&folder).expect("writable");
+        output.exr("p.exr", 3, &radiances).expect("written");
+        output.publish().expect("renamed");
+        let image = exr::prelude::read_first_rgba_layer_from_file(
+            folder.join("p.exr"),
+            |size, _| vec![[0.0f32; 3]; size.area()],
+            |pixels, place, (r, g, b, _): (f32, f32, f32, f32)| {
+                pixels[place.y() * 3 + place.x()] = [r, g, b];
+            },
+        );
+        let found = image.expect("readable").layer_data.channel_data.pixels;
+        let expected: Vec<_> = radiances.iter().map(|rgb| rgb.map(|band| band as f32)).collect();
+        assert_eq!(found, expected);
+        fs::remove_dir_all(&folder).expect("removable");
+    }
+
+    #[test]
+    fn every_format_of_a_mesh_is_written_in_full_or_not_at_all() {
+        let folder = folder("mesh");
+        let (mesh, fields) = crate::fields::tests::sample(true);
+        let mut output = Output::new(&folder).expect("writable");
+        let codes = [[1, 2, 3]; 3];
+        output.ply_mesh("m.ply", &mesh, &fields, &codes).expect("written");
+        output.vtu("m.vtu", &mesh, &fields).expect("written");
+        output.csv("m.csv", &mesh, &fields).expect("written");
+        output.npy("m.npy", &mesh, &fields).expect("written");
+        output.publish().expect("renamed");
+        let mut found = names(&folder);
+        found.sort_unstable();
+        assert_eq!(found, ["m.csv", "m.npy", "m.ply", "m.vtu"]);
+        let mut output = Output::new(&folder.join("none")).expect("writable");
+        let short = Fields { row_sums: Vec::new(), ..fields };
+        assert!(output.csv("m.csv", &mesh, &short).is_err());
+        drop(output);
+        assert!(names(&folder.join("none")).is_empty());
         fs::remove_dir_all(&folder).expect("removable");
     }
 

@@ -6,7 +6,7 @@ use glam::DVec3;
 use crate::scene_error::SceneError;
 
 /// The Stefan–Boltzmann constant σ \[W m⁻² K⁻⁴].
-const STEFAN_BOLTZMANN: f64 = 5.670_374_419e-8;
+pub(crate) const STEFAN_BOLTZMANN: f64 = 5.670_374_419e-8;
 /// How far the squared length of a unit normal may be off one.
 const UNIT_TOLERANCE: f64 = 1e-8;
 /// How many bands the materials of generated scenes and of mesh files have: red, green and blue.
@@ -67,7 +67,6 @@ impl Scene {
 
     /// What a material radiates \[W/m²], band by band: its emission; with `heat`, (1 − ρ) σ T⁴, which
     /// is nothing for a material without a temperature.
-    #[cfg_attr(not(test), expect(dead_code, reason = "not yet in use"))]
     pub(crate) fn emission(&self, material: usize, heat: bool) -> Vec<f64> {
         let material = &self.materials[material];
         if !heat {

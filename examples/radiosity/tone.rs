@@ -1,6 +1,7 @@
 //! From radiances to the colours of a display.
 
-use crate::shading::Rgb;
+/// A colour: red, green and blue.
+pub(crate) type Rgb = [f64; 3];
 
 /// Brings radiances of a scene into the range of a display.
 #[derive(Clone, Copy, Debug)]

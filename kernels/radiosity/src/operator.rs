@@ -35,7 +35,7 @@ pub struct RadiosityOperator<'a, const BANDS: usize> {
 }
 
 type Sum<'a, const BANDS: usize> =
-    dyn Fn(&[[f64; BANDS]]) -> Result<Vec<[f64; BANDS]>, farfield::Error> + 'a;
+    dyn Fn(&[[f64; BANDS]]) -> Result<Vec<[f64; BANDS]>, farfield::Error> + Sync + 'a;
 
 /// The size of the corrections that [`RadiosityOperator::close`] made.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -66,7 +66,7 @@ impl<'a, const BANDS: usize> RadiosityOperator<'a, BANDS> {
     /// [`Error::LengthMismatch`] if `corrections` are those of another number of elements.
     pub fn new(
         elements: &[Element],
-        sum: impl Fn(&[[f64; BANDS]]) -> Result<Vec<[f64; BANDS]>, farfield::Error> + 'a,
+        sum: impl Fn(&[[f64; BANDS]]) -> Result<Vec<[f64; BANDS]>, farfield::Error> + Sync + 'a,
         corrections: Corrections,
     ) -> Result<Self, Error> {
         let (expected, found) = (elements.len(), corrections.len());

@@ -1,0 +1,74 @@
+//! Form factors as a table: every row of the matrix above a cut-off, and what goes to the sky.
+
+use std::io::{self, Write};
+
+use farfield::Mask;
+use farfield_radiosity::Irradiance;
+use rayon::prelude::*;
+
+use crate::solve::Exchange;
+
+/// Rows that are computed before they are written.
+const ROWS: usize = 512;
+
+/// Writes a line `row,column,factor` for every form factor F_ij above `cut`, i and j counted from 0 in the
+/// order of the elements, and two more for each row: `rest`, the sum of those that are not listed, and
+/// `sky`, what arrives at no element. A row sums to 1. O(N²) pairs; `show` is told the fraction done.
+pub(crate) fn write<const BANDS: usize>(
+    file: &mut impl Write,
+    exchange: &Exchange<'_, BANDS>,
+    cut: f64,
+    show: impl Fn(f64),
+) -> io::Result<()> {
+    writeln!(file, "row,column,factor")?;
+    let count = exchange.surfels.len();
+    for first in (0..count).step_by(ROWS) {
+        let rows = first..(first + ROWS).min(count);
+        let rows: Vec<Row> = rows.into_par_iter().map(|i| row(exchange, i, cut)).collect();
+        for (i, Row { listed, rest, sky }) in rows.iter().enumerate() {
+            let i = first + i;
+            for (j, factor) in listed {
+                writeln!(file, "{i},{j},{factor:.6e}")?;
+            }
+            writeln!(file, "{i},rest,{rest:.6e}\n{i},sky,{sky:.6e}")?;
+        }
+        show((first + rows.len()) as f64 / count as f64);
+    }
+    Ok(())
+}
+
+/// One row of form factors.
+struct Row {
+    listed: Vec<(usize, f64)>,
+    rest: f64,
+    sky: f64,
+}
+
+/// F_ij = d_i (V_ij K_ij A_j + C_ij/A_i) d_j.
+fn row<const BANDS: usize>(exchange: &Exchange<'_, BANDS>, i: usize, cut: f64) -> Row {
+    let kernel = Irradiance::<f64>::clamped();
+    let receiver = &exchange.surfels[i];
+    let mut factors: Vec<(usize, f64)> = Vec::new();
+    for (j, source) in exchange.surfels.iter().enumerate() {
+        let factor = kernel.factor(receiver, source) * source.area;
+        if factor > 0.0 && Mask::<Irradiance<f64>>::pair(exchange.visibility, receiver, source) {
+            factors.push((j, factor));
+        }
+    }
+    // C is symmetric: its column by i, per unit area of the other, is its row.
+    for (j, value) in exchange.corrections.column(i) {
+        let value = value * exchange.surfels[j].area / receiver.area;
+        match factors.binary_search_by_key(&j, |entry| entry.0) {
+            Ok(place) => factors[place].1 += value,
+            Err(place) => factors.insert(place, (j, value)),
+        }
+    }
+    let own = exchange.operator.scaling(i);
+    for (j, factor) in &mut factors {
+        *factor *= own * exchange.operator.scaling(*j);
+    }
+    let sum: f64 = factors.iter().map(|entry| entry.1).sum();
+    let (listed, dropped): (Vec<_>, Vec<_>) =
+        factors.into_iter().partition(|&(_, factor)| factor > cut);
+    Row { listed, rest: dropped.iter().map(|entry| entry.1).sum(), sky: 1.0 - sum }
+}

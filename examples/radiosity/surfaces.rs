@@ -1,0 +1,76 @@
+//! What the elements of a mesh are made of, a few bands at a time.
+
+use crate::args::QuantityName;
+use crate::mesh::Mesh;
+use crate::scene::Scene;
+use crate::tone::Rgb;
+
+/// What every element emits and reflects, for as many bands as the sum takes at once.
+#[derive(Clone, Debug)]
+pub(crate) struct Surfaces<const BANDS: usize> {
+    /// Emitted exitance E \[W/m²\] of each element.
+    pub(crate) emission: Vec<[f64; BANDS]>,
+    /// Diffuse reflectance ρ.
+    pub(crate) reflectance: Vec<[f64; BANDS]>,
+}
+
+impl<const BANDS: usize> Surfaces<BANDS> {
+    /// The bands from `first` on, of `bands` in all; what is beyond them is black. One band of several is
+    /// their mean.
+    pub(crate) fn new(
+        scene: &Scene,
+        mesh: &Mesh,
+        quantity: QuantityName,
+        bands: usize,
+        first: usize,
+    ) -> Self {
+        let taken = |values: &[f64]| -> [f64; BANDS] {
+            match bands == 1 && values.len() > 1 {
+                true => [values.iter().sum::<f64>() / values.len() as f64; BANDS],
+                false => std::array::from_fn(|k| values.get(first + k).copied().unwrap_or(0.0)),
+            }
+        };
+        let heat = quantity == QuantityName::Heat;
+        let materials: Vec<_> = (0..scene.materials.len())
+            .map(|k| (taken(&scene.emission(k, heat)), taken(&scene.materials[k].reflectance)))
+            .collect();
+        let of = |&material: &u32| materials[material as usize];
+        let (emission, reflectance) = mesh.material.iter().map(of).unzip();
+        Self { emission, reflectance }
+    }
+}
+
+/// The colour of numbers in some bands: three are red, green and blue, others count by their mean.
+pub(crate) fn colour(bands: &[f64]) -> Rgb {
+    match *bands {
+        [r, g, b] => [r, g, b],
+        _ => [bands.iter().sum::<f64>() / bands.len().max(1) as f64; 3],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::generators::generate;
+
+    #[test]
+    fn bands_are_taken_one_after_the_other_or_by_their_mean() {
+        let mut scene = generate("furnace").expect("a scene");
+        for material in &mut scene.materials {
+            material.reflectance = vec![0.1, 0.2, 0.3, 0.8];
+            material.emission = vec![4.0, 3.0, 2.0, 1.0];
+            material.temperature = Some(100.0);
+        }
+        let mesh = Mesh::new(&scene, 6).expect("a mesh");
+        let of = |first| Surfaces::<3>::new(&scene, &mesh, QuantityName::Light, 4, first);
+        assert_eq!(of(0).reflectance[5], [0.1, 0.2, 0.3]);
+        assert_eq!((of(3).reflectance[0], of(3).emission[0]), ([0.8, 0.0, 0.0], [1.0, 0.0, 0.0]));
+        let mean = Surfaces::<1>::new(&scene, &mesh, QuantityName::Light, 1, 0);
+        assert!((mean.reflectance[0][0] - 0.35).abs() < 1e-12);
+        assert_eq!(mean.emission[0], [2.5]);
+        let heat = Surfaces::<1>::new(&scene, &mesh, QuantityName::Heat, 1, 0);
+        assert!((heat.emission[0][0] / (0.65 * 5.670374419) - 1.0).abs() < 1e-12);
+        assert_eq!(colour(&[1.0, 2.0]), [1.5; 3]);
+        assert_eq!(colour(&[1.0, 2.0, 4.0]), [1.0, 2.0, 4.0]);
+    }
+}
