@@ -12,6 +12,9 @@ pub(crate) struct Refinement {
     pub(crate) error: f64,
 }
 
+/// The most that a piece may be longer than wide.
+const MOST_ASPECT: f64 = 2.0;
+
 /// How much finer a surface gets at once, at most, along each edge.
 const STEP: f64 = 4.0;
 
@@ -84,8 +87,10 @@ impl Refinement {
         let cut = |k: usize| -> Cuts {
             let pieces = strengths[k] * per_strength;
             let [u, v] = whole(k);
-            // Square pieces of the field, within reason.
-            let ratio = if u > 0.0 && v > 0.0 { (u / v).sqrt().clamp(0.1, 10.0) } else { 1.0 };
+            // As many along either edge as its slopes ask for, but no slivers: they are near to too many.
+            let [a, b] = edge_lengths(&scene.surfaces[k]);
+            let ratio = if u > 0.0 && v > 0.0 { (u / v).sqrt() } else { a / b };
+            let ratio = ratio.clamp(a / b / MOST_ASPECT, a / b * MOST_ASPECT);
             let along = [(pieces * ratio).sqrt(), (pieces / ratio).sqrt()];
             std::array::from_fn(|axis| {
                 let now = f64::from(cuts[k][axis]);

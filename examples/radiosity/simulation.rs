@@ -31,7 +31,7 @@ const SAMPLES: usize = 1000;
 const MOST_CLOSURE: f64 = 0.5;
 /// Elements of the first mesh where the tolerance decides, and meshes at most.
 const FIRST_ELEMENTS: usize = 2000;
-const MOST_MESHES: usize = 4;
+const MOST_MESHES: usize = 6;
 /// The least form factor that a table lists, in units of the tolerance.
 const LISTED: f64 = 1e-3;
 
