@@ -25,6 +25,7 @@
 //! # Ok::<(), farfield_radiosity::Error>(())
 //! ```
 
+mod bicgstab;
 mod bounds;
 mod bvh;
 mod conjugate;
@@ -50,6 +51,7 @@ mod surfel;
 mod visibility;
 mod wall;
 
+pub use bicgstab::bicgstab;
 pub use bvh::{Hit, Occluders};
 pub use conjugate::conjugate_gradients;
 pub use corrections::{Corrections, Zones, exchange_area};
