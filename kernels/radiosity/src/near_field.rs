@@ -262,10 +262,8 @@ mod tests {
         qs: &[[T; N]],
         counts: impl Fn(usize, usize) -> bool,
     ) -> Vec<([f64; N], f64)> {
-        let kernel = match clamped {
-            true => Irradiance::<f64>::clamped(),
-            false => Irradiance::<f64>::signed(),
-        };
+        type Plain = Irradiance<f64>;
+        let kernel = if clamped { Plain::clamped() } else { Plain::signed() };
         let ys: Vec<Surfel> = ys.iter().map(Surfel::cast).collect();
         let at = |(i, x): (usize, &Surfel<T>)| {
             let x = x.cast();
@@ -342,14 +340,12 @@ mod tests {
 
     #[test]
     fn every_column_gets_its_own_sum() {
-        let (xs, ys) =
-            (cloud(19, 3, DVec3::ZERO, DVec3::Z, 1.0), cloud(37, 4, DVec3::Z, -DVec3::Z, 1.0));
+        let xs = cloud(19, 3, DVec3::ZERO, DVec3::Z, 1.0);
+        let ys = cloud(37, 4, DVec3::Z, -DVec3::Z, 1.0);
         let bits = words(19 * 37);
         for (tolerance, bound) in BOUNDS {
             for bits in [None, Some(&bits[..])] {
                 check::<f64, 1>((&xs, &ys), bits, false, tolerance, bound);
-                check::<f64, 2>((&xs, &ys), bits, false, tolerance, bound);
-                check::<f64, 3>((&xs, &ys), bits, false, tolerance, bound);
                 check::<f64, 4>((&xs, &ys), bits, false, tolerance, bound);
                 check::<f64, 5>((&xs, &ys), bits, false, tolerance, bound);
                 check::<f64, 9>((&xs, &ys), bits, false, tolerance, bound);
@@ -389,25 +385,19 @@ mod tests {
         for (tolerance, bound) in BOUNDS {
             check::<f64, 3>((&both, &both), None, false, tolerance, bound);
             check::<f64, 3>((&both, &both), None, true, tolerance, bound.max(1e-8));
-            // All in one place.
-            let one = vec![both[0]; 5];
-            check::<f64, 3>((&one, &one), None, false, tolerance, bound);
+            check::<f64, 3>((&[both[0]; 5], &[both[0]; 5]), None, false, tolerance, bound);
         }
     }
 
     #[test]
     fn sources_next_to_the_first_target_reach_the_others() {
         let mut xs = cloud(3, 10, DVec3::Z * 2.0, -DVec3::Z, 1e3);
-        let ys = [Surfel {
-            position: DVec3::X * 1e-25,
-            area: 1e4,
-            ..cloud(1, 1, DVec3::ZERO, DVec3::Z, 1.0)[0]
-        }];
-        xs.insert(0, Surfel { position: DVec3::ZERO, normal: DVec3::Z, area: 1.0, face: 0 });
+        let first = Surfel { position: DVec3::ZERO, normal: DVec3::Z, area: 1e4, face: 0 };
+        xs.insert(0, first);
+        let ys = [Surfel { position: DVec3::X * 1e-25, ..first }];
         for (tolerance, bound) in BOUNDS {
             // The first itself is too close for single precision to tell from coincident.
-            let bits = [0b1110];
-            check::<f64, 3>((&xs, &ys), Some(&bits), false, tolerance, bound);
+            check::<f64, 3>((&xs, &ys), Some(&[0b1110]), false, tolerance, bound);
         }
     }
 }

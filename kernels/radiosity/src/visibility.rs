@@ -522,7 +522,8 @@ mod tests {
     fn shares_are_rounded_to_eighths_without_a_bias() {
         for count in 0..=RAYS {
             let sum: usize = (0..1000).map(|key| even(count, key)).sum();
-            assert!((0..1000).all(|key| even(count, key) % 2 == 0 && even(count, key) <= RAYS));
+            assert!((0..1000).all(|key| matches!(even(count, key), 0..=RAYS)));
+            assert!((0..1000).all(|key| even(count, key).is_multiple_of(2)));
             assert!((sum as f64 / 1000.0 - count as f64).abs() < 0.1, "{count}: {sum}");
         }
     }
