@@ -58,11 +58,13 @@ pub fn bicgstab<T: Real, const BANDS: usize, E: Into<Error>>(
             advance(&mut r, alpha.map(|a| -a.unwrap_or(0.0)), &v);
 
             let t = outgoing(&r, reflectance, &apply(&r)?);
-            let omega = quotients::<T, BANDS>(product(&t, &r), product(&t, &t), norms(&t, &t));
+            let (aligned, squared, size) = (product(&t, &r), product(&t, &t), norms(&t, &r));
             // Where either scalar is lost the residual may stay as it is for ever: there light bounces.
-            let bounce = |k: usize| alpha[k].is_none() || omega[k].is_none_or(|w| w == 0.0);
+            let bounce = |k: usize| {
+                alpha[k].is_none() || aligned[k].abs() <= T::epsilon().as_f64() * size[k]
+            };
             let omega: [f64; BANDS] =
-                std::array::from_fn(|k| if bounce(k) { 1.0 } else { omega[k].unwrap_or(1.0) });
+                std::array::from_fn(|k| if bounce(k) { 1.0 } else { aligned[k] / squared[k] });
             advance(&mut radiosity, omega, &r);
             advance(&mut r, omega.map(|w| -w), &t);
             iterations += 2;
