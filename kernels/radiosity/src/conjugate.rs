@@ -107,7 +107,7 @@ pub fn conjugate_gradients<T: Real, const BANDS: usize, E: Into<Error>>(
 const ESTIMATE_SHARE: f64 = 0.9;
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use crate::{Patch, jacobi};
     use approx::assert_relative_eq;
@@ -116,7 +116,7 @@ mod tests {
 
     /// The walls of a closed unit cube in n × n patches each, top first and bottom second, and their
     /// form factors.
-    fn cube(n: usize) -> (Vec<Surfel>, Vec<Vec<f64>>) {
+    pub(crate) fn cube(n: usize) -> (Vec<Surfel>, Vec<Vec<f64>>) {
         let step = 1.0 / n as f64;
         let mut patches = Vec::new();
         for (axis, high) in [(2, true), (2, false), (0, false), (0, true), (1, false), (1, true)] {
@@ -143,7 +143,8 @@ mod tests {
         (patches.iter().map(surfel).collect(), patches.iter().map(row).collect())
     }
 
-    fn gather<const BANDS: usize>(
+    /// Irradiances by form factors, row by row.
+    pub(crate) fn gather<const BANDS: usize>(
         factors: &[Vec<f64>],
         b: &[[f64; BANDS]],
     ) -> Result<Vec<[f64; BANDS]>, Infallible> {

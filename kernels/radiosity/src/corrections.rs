@@ -1,16 +1,13 @@
 //! What the sizes of near elements change in a sum over their centroids: a sparse matrix, built once.
 
-use std::f64::consts::FRAC_1_PI;
-
 use rayon::prelude::*;
 
 use crate::bvh::Occluders;
 use crate::element::Element;
 use crate::error::Error;
+use crate::exchange::{Pair, Zone};
 use crate::neighbours::Neighbours;
-use crate::patch::Patch;
-use crate::quadrature::{Rule, exchange};
-use crate::surfel::{Projections, Surfel, check_surfels};
+use crate::surfel::{Surfel, check_surfels};
 
 /// The differences C_ij = V_ij (A_i F_ij − A_i K_ij A_j) for the pairs that are so close that a sum over
 /// centroids would be off by more than the tolerance.
@@ -21,16 +18,18 @@ use crate::surfel::{Projections, Surfel, check_surfels};
 ///
 /// By distance, pairs of patches are taken exactly ([`Patch::exchange`]), by Gauss's rules of 3 × 3 or
 /// 2 × 2 points on both, or left to the sum over centroids: whichever is the first to be off by less
-/// than the tolerance. With disks, the kernel's πr² becomes πr² + A, A the mean of the two areas: a
-/// disk then receives A/(πr² + A) of what a point before its centre sends, as it does, and not
-/// arbitrarily much.
+/// than the tolerance. With disks, the kernel's πr² becomes πr² + A, A the larger of the two areas: a
+/// disk then receives A/(πr² + A) of what a point before its centre sends, as it does, and none
+/// receives more than is sent.
 #[derive(Clone, Debug)]
 pub struct Corrections {
     /// Where the entries of each row start; one more ends the last.
     starts: Vec<usize>,
     columns: Vec<u32>,
+    /// In units of the largest area: single precision then holds them at any scale.
     values: Vec<f32>,
     areas: Vec<f64>,
+    largest: f64,
     counts: Zones,
 }
 
@@ -48,20 +47,6 @@ pub struct Zones {
     pub disk: u64,
 }
 
-/// With x = (r_1² + r_2²)/d², r the radii and d the distance, the relative errors of a pair are at most
-/// about x/2 by centroids, x²/2 with two points per edge and x³ with three; with disks A/(πr²).
-const CENTROID_ERROR: f64 = 0.5;
-const TWO_ERROR: f64 = 0.5;
-const THREE_ERROR: f64 = 1.0;
-
-/// The share of the tolerance that one pair may be off by relative to itself, since errors of either
-/// sign add up in a sum: over a flat surface, that of the centroids is the midpoint rule's.
-const PAIR_SHARE: f64 = 4.0;
-
-/// The share of the tolerance that all that is left out of a row may add up to: a row has some
-/// 1/tolerance entries.
-const NEGLIGIBLE: f64 = 0.02;
-
 impl Corrections {
     /// The corrections for a sum over the centroids of `elements`. `tolerance` is the relative error that
     /// irradiances may have, from all pairs together.
@@ -76,7 +61,8 @@ impl Corrections {
         }
         let surfels: Vec<Surfel> = elements.iter().map(|element| *element.surfel()).collect();
         check_surfels(&surfels)?;
-        let zones = Pair { elements, occluders, tolerance: PAIR_SHARE * tolerance };
+        let zones = Pair::new(elements, occluders, tolerance);
+        let largest = surfels.iter().map(|surfel| surfel.area).fold(0.0, f64::max);
         let neighbours = Neighbours::new(elements);
         // From both ends of a pair the same: rows are found by themselves and in parallel, each pair
         // twice, but summed with equal bits.
@@ -87,7 +73,7 @@ impl Corrections {
                 if j > i
                     && let Some((value, zone)) = zones.correction(i, j)
                 {
-                    row.push((j as u32, value as f32, zone));
+                    row.push((j as u32, (value / largest) as f32, zone));
                 }
             });
             row.sort_unstable_by_key(|entry| entry.0);
@@ -127,7 +113,14 @@ impl Corrections {
             }
         }
         let areas = surfels.iter().map(|surfel| surfel.area).collect();
-        Ok(Self { starts, columns, values, areas, counts })
+        Ok(Self { starts, columns, values, areas, largest, counts })
+    }
+
+    /// No corrections: the sum over the centroids of `elements` as it is.
+    pub fn none(elements: &[Element]) -> Self {
+        let areas: Vec<f64> = elements.iter().map(|element| element.surfel().area).collect();
+        let (columns, values, counts) = (Vec::new(), Vec::new(), Zones::default());
+        Self { starts: vec![0; areas.len() + 1], columns, values, areas, largest: 0.0, counts }
     }
 
     /// H_i += 1/A_i Σ_j C_ij B_j.
@@ -150,7 +143,7 @@ impl Corrections {
                 }
             }
             for (h, sum) in h.iter_mut().zip(sum) {
-                *h += sum / self.areas[i];
+                *h += sum * (self.largest / self.areas[i]);
             }
         });
     }
@@ -160,7 +153,8 @@ impl Corrections {
     pub fn column(&self, j: usize) -> impl Iterator<Item = (usize, f64)> {
         let entries = self.starts[j]..self.starts[j + 1];
         let pairs = self.columns[entries.clone()].iter().zip(&self.values[entries]);
-        pairs.map(|(&i, &value)| (i as usize, f64::from(value) / self.areas[i as usize]))
+        let per_area = |i: usize| self.largest / self.areas[i];
+        pairs.map(move |(&i, &value)| (i as usize, f64::from(value) * per_area(i as usize)))
     }
 
     /// Number of elements.
@@ -188,191 +182,216 @@ impl Corrections {
     }
 }
 
-/// A_i F_ij of two elements: the exchange of their whole areas, as if nothing were in between. A pair
-/// of patches by their exact contour integral, with a disk as [`Corrections`] says.
-pub fn exchange_area(a: &Element, b: &Element) -> f64 {
-    match (a.as_patch(), b.as_patch()) {
-        (Some(a), Some(b)) => a.exchange(b),
-        _ => disk_exchange(a.surfel(), b.surfel()),
-    }
-}
-
-/// What one pair is taken by.
-#[derive(Clone, Copy)]
-enum Zone {
-    Exact,
-    Three,
-    Two,
-    Disk,
-}
-
-/// Pairs of elements that are near each other.
-struct Pair<'a> {
-    elements: &'a [Element],
-    occluders: &'a Occluders,
-    tolerance: f64,
-}
-
-impl Pair<'_> {
-    /// Pairs with x < 1/κ need no correction.
-    fn kappa(&self) -> f64 {
-        CENTROID_ERROR / self.tolerance
-    }
-
-    /// C_ij; none if there is nothing to correct.
-    fn correction(&self, i: usize, j: usize) -> Option<(f64, Zone)> {
-        let [a, b] = [i, j].map(|k| &self.elements[k]);
-        let (x, y) = (a.surfel(), b.surfel());
-        let (value, zone) = match (a.as_patch(), b.as_patch()) {
-            (Some(a), Some(b)) => self.of_patches(a, b, x, y)?,
-            _ => (disk_exchange(x, y), Zone::Disk),
-        };
-        let difference = value - centroid_exchange(x, y);
-        let least = NEGLIGIBLE * self.tolerance.powi(2) * x.area.min(y.area);
-        let counts = difference.abs() > least;
-        let sees = || !self.occluders.blocked(x.position, y.position, [x.face, y.face]);
-        (counts && sees()).then_some((difference, zone))
-    }
-
-    fn of_patches(&self, a: &Patch, b: &Patch, x: &Surfel, y: &Surfel) -> Option<(f64, Zone)> {
-        let height = |patch: &Patch, plane: &Patch| {
-            let above = |corner: &glam::DVec3| plane.normal().dot(*corner - plane.corners()[0]);
-            let heights = patch.corners().iter().map(above);
-            heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), h| {
-                (low.min(h), high.max(h))
-            })
-        };
-        let ((low_a, high_a), (low_b, high_b)) = (height(a, b), height(b, a));
-        let size2 = x.area.max(y.area);
-        let flat = f64::EPSILON.sqrt() * size2.sqrt();
-        if high_a <= flat || high_b <= flat {
-            return None;
-        }
-        let radius2 = |patch: &Patch, centre: glam::DVec3| {
-            let reach = |corner: &glam::DVec3| corner.distance_squared(centre);
-            patch.corners().iter().map(reach).fold(0.0, f64::max)
-        };
-        let d2 = x.position.distance_squared(y.position);
-        let ratio = (radius2(a, x.position) + radius2(b, y.position)) / d2;
-        // Two strips that meet at an angle π − θ exchange 1 − cos(θ/2) ≈ θ²/8 of their light; what faces
-        // each other at that angle without touching exchanges less.
-        let bend = 0.25 * (1.0 + x.normal.dot(-y.normal)).max(0.0);
-        if bend < NEGLIGIBLE * self.tolerance {
-            return None;
-        }
-        let whole = low_a >= -flat && low_b >= -flat;
-        if whole && TWO_ERROR * ratio.powi(2) <= self.tolerance {
-            Some((exchange(a, b, Rule::Two), Zone::Two))
-        } else if whole && THREE_ERROR * ratio.powi(3) <= self.tolerance {
-            Some((exchange(a, b, Rule::Three), Zone::Three))
-        } else {
-            Some((a.exchange(b), Zone::Exact))
-        }
-    }
-}
-
-/// A_x K A_y between centroids, 0 unless they face each other.
-fn centroid_exchange(x: &Surfel, y: &Surfel) -> f64 {
-    let pair = Projections::new(x, y);
-    if pair.facing() { pair.kernel() * x.area * y.area } else { 0.0 }
-}
-
-/// A_x cos θ_x cos θ_y A_y / (πr² + (A_x + A_y)/2).
-fn disk_exchange(x: &Surfel, y: &Surfel) -> f64 {
-    let pair = Projections::new(x, y);
-    if !pair.facing() {
-        return 0.0;
-    }
-    let r2 = pair.distance_squared;
-    let grown = r2 + 0.5 * (x.area + y.area) * FRAC_1_PI;
-    pair.kernel() * (r2 / grown) * x.area * y.area
-}
-
 #[cfg(test)]
-mod calibrate {
+mod tests {
     use super::*;
-    use crate::furnace;
-    #[test]
-    #[ignore]
-    fn calibrate() {
-        for n in [8, 14] {
-            for (name, scene) in [
-                ("furnace", furnace(n)),
-                ("flat", {
-                    let mut s = crate::Scene::new();
-                    s.add_room(glam::DVec3::ZERO, glam::DVec3::new(1.0, 1.0, 0.25), n);
-                    s
-                }),
-            ] {
-                let e = &scene.elements;
-                let occluders = Occluders::new(&scene.triangles).unwrap();
-                let smooth: Vec<[f64; 1]> =
-                    e.iter().map(|e| [1.0 + e.surfel().position.x]).collect();
-                let rough: Vec<[f64; 1]> = (0..e.len())
-                    .map(|i| [(crate::operator::mixed(i as u64) % 1000) as f64])
-                    .collect();
-                let t = std::time::Instant::now();
-                let exact: Vec<Vec<f64>> = (0..e.len())
-                    .into_par_iter()
-                    .map(|i| {
-                        (0..e.len())
-                            .map(|j| {
-                                if i == j {
-                                    0.0
-                                } else {
-                                    exchange_area(&e[i], &e[j]) / e[i].surfel().area
-                                }
-                            })
-                            .collect()
-                    })
-                    .collect();
-                println!(
-                    "{name} {n}: exact pairs {:.2} us each",
-                    2e6 * t.elapsed().as_secs_f64() / (e.len() as f64).powi(2)
-                );
-                for tol in [1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 1e-4] {
-                    let t = std::time::Instant::now();
-                    let c = Corrections::new(e, &occluders, tol).unwrap();
-                    let time = t.elapsed().as_secs_f64();
-                    print!(
-                        "tol {tol:e} {:?} {:.2}s per element {}:",
-                        c.zones(),
-                        time,
-                        c.values.len() / e.len()
-                    );
-                    for b in [&smooth, &rough] {
-                        let mut h: Vec<[f64; 1]> = (0..e.len())
-                            .into_par_iter()
-                            .map(|i| {
-                                [(0..e.len())
-                                    .map(|j| {
-                                        centroid_exchange(e[i].surfel(), e[j].surfel()) * b[j][0]
-                                    })
-                                    .sum::<f64>()
-                                    / e[i].surfel().area]
-                            })
-                            .collect();
-                        c.add(b, &mut h);
-                        let want: Vec<[f64; 1]> = exact
-                            .iter()
-                            .map(|row| {
-                                [row.iter().zip(b.iter()).map(|(f, b)| f * b[0]).sum::<f64>()]
-                            })
-                            .collect();
-                        let worst = h
-                            .iter()
-                            .zip(&want)
-                            .map(|(h, w)| (h[0] / w[0] - 1.0).abs())
-                            .fold(0.0, f64::max);
-                        print!(
-                            " l2 {:.1e} max {:.1e}",
-                            farfield::relative_l2_error(&h, &want),
-                            worst
-                        );
-                    }
-                    println!();
+    use crate::exchange::{centroid_exchange, exchange_area};
+    use crate::operator::mixed;
+    use crate::{Patch, Scene, furnace, two_rooms};
+    use farfield::relative_l2_error;
+    use glam::DVec3;
+    use std::collections::HashMap;
+
+    fn flat_room(n: usize) -> Vec<Element> {
+        let mut scene = Scene::new();
+        scene.add_room(DVec3::ZERO, DVec3::new(1.0, 1.0, 0.25), n);
+        scene.elements
+    }
+
+    /// The patches cut in two along a diagonal.
+    fn triangles(elements: &[Element]) -> Vec<Element> {
+        let halves = |element: &Element| {
+            let &[a, b, c, d] = element.as_patch().unwrap().corners() else { panic!() };
+            let face = element.surfel().face;
+            [[a, b, c], [a, c, d]].map(|half| Element::patch(Patch::new(&half).unwrap(), face))
+        };
+        elements.iter().flat_map(halves).collect()
+    }
+
+    /// A smooth and a rough radiosity.
+    fn radiosities(elements: &[Element]) -> Vec<[f64; 2]> {
+        let both = |(i, element): (usize, &Element)| {
+            [1.0 + element.surfel().position.x, (mixed(i as u64) % 1000) as f64 * 1e-3]
+        };
+        elements.iter().enumerate().map(both).collect()
+    }
+
+    /// The irradiances by any rule for A_i F_ij.
+    fn received(
+        elements: &[Element],
+        b: &[[f64; 2]],
+        exchange: impl Fn(usize, usize) -> f64 + Sync,
+    ) -> Vec<[f64; 2]> {
+        let n = elements.len();
+        let upper = |i: usize| (i + 1..n).map(|j| exchange(i, j)).collect::<Vec<f64>>();
+        let upper: Vec<Vec<f64>> = (0..n).into_par_iter().map(upper).collect();
+        let mut h = vec![[0.0; 2]; n];
+        for i in 0..n {
+            for (j, exchange) in (i + 1..n).zip(&upper[i]) {
+                for k in 0..2 {
+                    h[i][k] += exchange * b[j][k] / elements[i].surfel().area;
+                    h[j][k] += exchange * b[i][k] / elements[j].surfel().area;
                 }
             }
         }
+        h
+    }
+
+    fn by_centroids(elements: &[Element], b: &[[f64; 2]]) -> Vec<[f64; 2]> {
+        received(elements, b, |i, j| centroid_exchange(elements[i].surfel(), elements[j].surfel()))
+    }
+
+    /// The relative l2 errors of both columns.
+    fn errors(found: &[[f64; 2]], exact: &[[f64; 2]]) -> [f64; 2] {
+        [0, 1].map(|k| {
+            let column = |rows: &[[f64; 2]]| rows.iter().map(|row| row[k]).collect::<Vec<f64>>();
+            relative_l2_error(&column(found), &column(exact))
+        })
+    }
+
+    fn nothing() -> Occluders {
+        Occluders::new(&[]).unwrap()
+    }
+
+    #[test]
+    fn corrected_sums_are_as_exact_as_the_tolerance_says() {
+        let rooms = [
+            ("cube", furnace(7).elements),
+            ("flat room", flat_room(7)),
+            ("triangles", triangles(&furnace(4).elements)),
+        ];
+        for (name, elements) in rooms {
+            let b = radiosities(&elements);
+            let exact = received(&elements, &b, |i, j| exchange_area(&elements[i], &elements[j]));
+            let plain = by_centroids(&elements, &b);
+            let before = errors(&plain, &exact);
+            assert!(before.iter().all(|&error| error > 0.05), "{name}: {before:?}");
+            for tolerance in [1e-1, 3e-2, 1e-2, 1e-3] {
+                let corrections = Corrections::new(&elements, &nothing(), tolerance).unwrap();
+                let mut h = plain.clone();
+                corrections.add(&b, &mut h);
+                let after = errors(&h, &exact);
+                let most = tolerance.min(0.5 * before[0]);
+                assert!(after.iter().all(|&error| error <= most), "{name} {tolerance}: {after:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn corrections_are_symmetric_to_the_bit_and_columns_are_columns() {
+        // Areas and shapes of all kinds.
+        let mut elements = flat_room(4);
+        elements.extend(triangles(&furnace(2).elements));
+        elements.push(Element::disk(Surfel {
+            position: DVec3::splat(0.12),
+            normal: DVec3::X,
+            area: 1e-3,
+            face: Surfel::<f64>::NO_FACE,
+        }));
+        let n = elements.len();
+        let corrections = Corrections::new(&elements, &nothing(), 1e-2).unwrap();
+        assert_eq!((corrections.len(), corrections.is_empty()), (n, false));
+        let entries: HashMap<(usize, usize), f32> = (0..n)
+            .flat_map(|i| {
+                let row = corrections.starts[i]..corrections.starts[i + 1];
+                row.map(move |k| (i, k))
+            })
+            .map(|(i, k)| ((i, corrections.columns[k] as usize), corrections.values[k]))
+            .collect();
+        assert_eq!(entries.len(), corrections.values.len(), "no pair stands there twice");
+        for (&(i, j), value) in &entries {
+            assert_ne!(i, j);
+            assert_eq!(entries[&(j, i)].to_bits(), value.to_bits());
+        }
+        let Zones { exact, three, two, disk } = corrections.zones();
+        assert_eq!(2 * (exact + three + two + disk), entries.len() as u64);
+        assert!(corrections.bytes() >= 8 * entries.len());
+
+        for j in 0..n {
+            let mut unit = vec![[0.0]; n];
+            unit[j] = [1.0];
+            let mut expected = vec![[0.0]; n];
+            corrections.add(&unit, &mut expected);
+            let mut found = vec![[0.0]; n];
+            for (i, value) in corrections.column(j) {
+                found[i][0] += value;
+            }
+            assert_eq!(found, expected);
+        }
+    }
+
+    #[test]
+    fn tighter_tolerances_take_more_pairs_by_better_rules() {
+        let elements = furnace(8).elements;
+        let zones = |tolerance| Corrections::new(&elements, &nothing(), tolerance).unwrap().zones();
+        let all = [1e-1, 1e-2, 1e-3].map(zones);
+        let sum = |z: &Zones| z.exact + z.three + z.two;
+        assert!(all.windows(2).all(|w| sum(&w[1]) > sum(&w[0]) && w[1].exact >= w[0].exact));
+        assert!(all[0].exact > 0 && all[1].two > 0 && all[2].three > 0, "{all:?}");
+        assert!(all.iter().all(|zones| zones.disk == 0));
+        // No more than all pairs that aren't of one wall.
+        assert!(sum(&all[2]) <= 15 * 64 * 64);
+
+        let disks: Vec<Element> = elements.iter().map(|e| Element::disk(*e.surfel())).collect();
+        let Zones { exact, three, two, disk } =
+            Corrections::new(&disks, &nothing(), 1e-2).unwrap().zones();
+        assert!(disk > 0 && exact + three + two == 0);
+    }
+
+    #[test]
+    fn what_is_hidden_is_not_corrected() {
+        let rooms = two_rooms(4);
+        let half = rooms.elements.len() / 2;
+        let across = |occluders: &Occluders| {
+            let corrections = Corrections::new(&rooms.elements, occluders, 1e-3).unwrap();
+            let across = |j: usize| corrections.column(j).filter(|(i, _)| *i >= half).count();
+            ((0..half).map(across).sum::<usize>(), corrections.zones())
+        };
+        let (seen, _) = across(&nothing());
+        assert!(seen > 0, "without the wall there is something to correct");
+        let (hidden, zones) = across(&Occluders::new(&rooms.triangles).unwrap());
+        assert!(hidden == 0 && zones.exact > 0);
+    }
+
+    #[test]
+    fn corrections_scale_with_the_scene() {
+        let scaled = |scale: f64| {
+            let grow = |e: &Element| {
+                let corners = e.as_patch().unwrap().corners().iter().map(|&c| c * scale);
+                let corners: Vec<DVec3> = corners.collect();
+                Element::patch(Patch::new(&corners).unwrap(), e.surfel().face)
+            };
+            let elements: Vec<Element> = furnace(3).elements.iter().map(grow).collect();
+            let mut h = vec![[0.0; 2]; elements.len()];
+            let b = vec![[1.0, 2.0]; elements.len()];
+            Corrections::new(&elements, &nothing(), 1e-2).unwrap().add(&b, &mut h);
+            h
+        };
+        let unit = scaled(1.0);
+        assert!(unit.iter().all(|h| h[0].abs() > 1e-3));
+        for scale in [1e-20, 1e20] {
+            assert!(relative_l2_error(&scaled(scale), &unit) < 1e-5, "{scale}");
+        }
+    }
+
+    #[test]
+    fn bad_input_is_refused_and_nothing_is_nothing() {
+        let elements = furnace(1).elements;
+        for found in [0.0, 1.0, -1e-3, f64::INFINITY] {
+            let error = Error::InvalidTolerance { found };
+            assert_eq!(Corrections::new(&elements, &nothing(), found).unwrap_err(), error);
+        }
+        assert!(Corrections::new(&elements, &nothing(), f64::NAN).is_err());
+        let bad = Element::disk(Surfel { area: -1.0, ..*elements[0].surfel() });
+        let error = Corrections::new(&[elements[0], bad], &nothing(), 1e-2).unwrap_err();
+        assert_eq!(error, Error::InvalidArea { index: 1, area: -1.0 });
+
+        let empty = Corrections::new(&[], &nothing(), 1e-2).unwrap();
+        empty.add::<1>(&[], &mut []);
+        assert!(empty.is_empty() && empty.zones() == Zones::default());
+        let none = Corrections::none(&elements);
+        let mut h = vec![[1.0]; 6];
+        none.add(&[[5.0]; 6], &mut h);
+        assert_eq!((h, none.len(), none.column(3).count()), (vec![[1.0]; 6], 6, 0));
     }
 }

@@ -130,6 +130,19 @@ pub enum Error {
         /// Index of the band.
         band: usize,
     },
+    /// A solution in which a surface takes light away, to which no bounces of light lead.
+    #[error(
+        "the radiosity of surfel {index} comes out as {found} in band {band}: expected 0 or more, and \
+         reflectances times row sums of the form factors below 1"
+    )]
+    NegativeRadiosity {
+        /// Index of the surfel.
+        index: usize,
+        /// Index of the band.
+        band: usize,
+        /// The radiosity.
+        found: f64,
+    },
     /// A solver did not reach its tolerance within the iterations it was given.
     #[error(
         "the radiosity equation did not converge: relative residual {residual:e} after \

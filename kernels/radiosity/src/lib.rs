@@ -25,6 +25,7 @@
 //! # Ok::<(), farfield_radiosity::Error>(())
 //! ```
 
+mod bicgstab;
 mod bounds;
 mod bvh;
 mod conjugate;
@@ -33,6 +34,7 @@ mod corrections;
 mod cut;
 mod element;
 mod error;
+mod exchange;
 mod facet;
 mod facing;
 mod kernel;
@@ -50,11 +52,13 @@ mod surfel;
 mod visibility;
 mod wall;
 
+pub use bicgstab::bicgstab;
 pub use bvh::{Hit, Occluders};
 pub use conjugate::conjugate_gradients;
-pub use corrections::{Corrections, Zones, exchange_area};
+pub use corrections::{Corrections, Zones};
 pub use element::Element;
 pub use error::Error;
+pub use exchange::exchange_area;
 pub use facet::Triangle;
 pub use facing::Facing;
 pub use kernel::Irradiance;

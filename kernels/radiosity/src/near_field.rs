@@ -62,9 +62,10 @@ impl<T: Real, C: Columns<T>> Block<'_, T, C> {
         let Self { clamped, xs, ys, qs, pairs, .. } = *self;
         let width = N.min(C::WIDTH - first);
         let Some(origin) = xs.first().map(|x| x.position.to_array().map(T::as_f64)) else { return };
-        // Lengths of about one: nothing overflows, however small or large the scene.
+        // Lengths of at most about one: nothing overflows, however small or large the scene.
         let away = |p: [T; 3]| (0..3).map(move |k| (p[k].as_f64() - origin[k]).abs());
-        let reach = ys.iter().flat_map(|y| away(y.position.to_array())).fold(0.0, f64::max);
+        let all = xs.iter().chain(ys);
+        let reach = all.flat_map(|p| away(p.position.to_array())).fold(0.0, f64::max);
         let unit = if reach > 0.0 { reach } else { 1.0 };
         let local = |p: [T; 3]| -> [R; 3] {
             std::array::from_fn(|k| R::from_f64((p[k].as_f64() - origin[k]) / unit))
@@ -227,4 +228,173 @@ fn bits_from(bits: &[u64], first: usize, count: usize) -> u16 {
         found |= bits[word + 1] << (64 - shift);
     }
     (found & ((1 << count) - 1)) as u16
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::kernel::Irradiance;
+    use crate::operator::mixed;
+    use crate::surfel::Projections;
+    use glam::DVec3;
+
+    /// `n` surfels in a unit cube at `centre` that look about `towards`, all times `scale`.
+    fn cloud(n: usize, seed: u64, centre: DVec3, towards: DVec3, scale: f64) -> Vec<Surfel> {
+        let random = |i: usize, k: u64| {
+            let bits = mixed(seed * 1_000_003 + 16 * i as u64 + k) >> 11;
+            bits as f64 / (1u64 << 53) as f64 - 0.5
+        };
+        let vector = |i: usize, k: u64| DVec3::from([k, k + 1, k + 2].map(|k| random(i, k)));
+        (0..n)
+            .map(|i| Surfel {
+                position: scale * (centre + vector(i, 0)),
+                normal: (towards + 2.0 * vector(i, 3)).normalize(),
+                area: scale * scale * (0.01 + 0.01 * random(i, 6)),
+                face: 0,
+            })
+            .collect()
+    }
+
+    /// The plain sum of what counts, in double precision, and what it would be without the cosines.
+    fn plainly<T: Real, const N: usize>(
+        clamped: bool,
+        (xs, ys): (&[Surfel<T>], &[Surfel<T>]),
+        qs: &[[T; N]],
+        counts: impl Fn(usize, usize) -> bool,
+    ) -> Vec<([f64; N], f64)> {
+        let kernel = if clamped { Irradiance::<f64>::clamped() } else { Irradiance::signed() };
+        let ys: Vec<Surfel> = ys.iter().map(Surfel::cast).collect();
+        let at = |(i, x): (usize, &Surfel<T>)| {
+            let x = x.cast();
+            let (mut sums, mut size) = ([0.0; N], 0.0);
+            for (j, y) in ys.iter().enumerate().filter(|(j, _)| counts(i, *j)) {
+                let factor = kernel.factor(&x, y) * y.area;
+                for (sum, q) in sums.iter_mut().zip(qs[j]) {
+                    *sum += factor * q.as_f64();
+                }
+                let r2 = Projections::new(&x, y).distance_squared;
+                size += if r2 > 0.0 { y.area / r2 } else { 0.0 };
+            }
+            (sums, size)
+        };
+        xs.iter().enumerate().map(at).collect()
+    }
+
+    /// Compares a block with the plain sum, both added to 1; charges are less than 2.
+    #[track_caller]
+    fn check<T: Real, const N: usize>(
+        (xs, ys): (&[Surfel<T>], &[Surfel<T>]),
+        bits: Option<&[u64]>,
+        clamped: bool,
+        tolerance: f64,
+        bound: f64,
+    ) where
+        [T; N]: Columns<T>,
+    {
+        let charge = |j: usize, k: usize| T::from_f64((1.7 * j as f64 + k as f64).sin() + 0.5);
+        let qs: Vec<[T; N]> =
+            (0..ys.len()).map(|j| std::array::from_fn(|k| charge(j, k))).collect();
+        let counts = |i: usize, j: usize| {
+            let at = i * ys.len() + j;
+            bits.is_none_or(|bits| bits[at / 64] >> (at % 64) & 1 == 1)
+        };
+        let exact = plainly(clamped, (xs, ys), &qs, counts);
+        let mut us = vec![[T::from_f64(1.0); N]; xs.len()];
+        let pairs = bits.map_or(Pairs::All, Pairs::Set);
+        Block { clamped, xs, ys, qs: &qs, pairs, tolerance, us: &mut us }.run();
+        for (u, (sums, size)) in us.iter().zip(exact) {
+            for (u, sum) in u.iter().zip(sums) {
+                let error = (u.as_f64() - 1.0 - sum).abs();
+                let allowed = bound * size + T::epsilon().as_f64() * (1.0 + sum.abs());
+                assert!(error <= allowed, "{u} - 1 is not {sum}: {error:e}, not {allowed:e}");
+            }
+        }
+    }
+
+    /// Words of random bits for so many pairs; the bits beyond them are random too.
+    fn words(pairs: usize) -> Vec<u64> {
+        (0..pairs.div_ceil(64)).map(|k| mixed(k as u64) & mixed(k as u64 + 77)).collect()
+    }
+
+    /// Of the tolerances 0 and 1e-3, what sums may be off by relative to those without cosines.
+    const BOUNDS: [(f64, f64); 2] = [(0.0, 1e-13), (1e-3, 1e-5)];
+
+    #[test]
+    fn blocks_of_all_sizes_are_the_plain_sums() {
+        let all_xs = cloud(40, 1, DVec3::ZERO, DVec3::Z, 1.0);
+        let all_ys = cloud(40, 2, DVec3::Z * 1.2, -DVec3::Z, 1.0);
+        for n in 0..=40 {
+            for m in 0..=40 {
+                let (pair, bits) = ((&all_xs[..n], &all_ys[..m]), words(n * m));
+                for (tolerance, bound) in BOUNDS {
+                    check::<f64, 2>(pair, None, false, tolerance, bound);
+                    check::<f64, 1>(pair, Some(&bits), false, tolerance, bound);
+                    // The plain sum leaves out cosines below √ε.
+                    check::<f64, 1>(pair, Some(&bits), true, tolerance, bound.max(1e-8));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn every_column_gets_its_own_sum() {
+        let xs = cloud(19, 3, DVec3::ZERO, DVec3::Z, 1.0);
+        let ys = cloud(37, 4, DVec3::Z, -DVec3::Z, 1.0);
+        let bits = words(19 * 37);
+        for (tolerance, bound) in BOUNDS {
+            for bits in [None, Some(&bits[..])] {
+                check::<f64, 1>((&xs, &ys), bits, false, tolerance, bound);
+                check::<f64, 4>((&xs, &ys), bits, false, tolerance, bound);
+                check::<f64, 5>((&xs, &ys), bits, false, tolerance, bound);
+            }
+        }
+    }
+
+    #[test]
+    fn single_precision_surfels() {
+        let single = |cloud: Vec<Surfel>| cloud.iter().map(Surfel::cast).collect::<Vec<_>>();
+        let xs: Vec<Surfel<f32>> = single(cloud(23, 5, DVec3::ZERO, DVec3::Z, 1.0));
+        let ys: Vec<Surfel<f32>> = single(cloud(33, 6, DVec3::Z, -DVec3::Z, 1.0));
+        let bits = words(23 * 33);
+        for (tolerance, bound) in [(0.0, 1e-7), (1e-3, 1e-5)] {
+            for clamped in [true, false] {
+                check::<f32, 3>((&xs, &ys), None, clamped, tolerance, bound);
+                check::<f32, 5>((&xs, &ys), Some(&bits), clamped, tolerance, bound);
+            }
+        }
+    }
+
+    #[test]
+    fn scenes_of_any_size_and_far_from_the_origin() {
+        for scale in [1e-20, 1e-3, 1e20] {
+            let xs = cloud(21, 7, DVec3::splat(3.0), DVec3::Z, scale);
+            let ys = cloud(21, 8, DVec3::splat(3.5), -DVec3::Z, scale);
+            for (tolerance, bound) in BOUNDS {
+                check::<f64, 3>((&xs, &ys), None, false, tolerance, bound);
+                check::<f64, 3>((&xs, &ys), None, true, tolerance, bound.max(1e-8));
+            }
+        }
+    }
+
+    #[test]
+    fn coincident_points_exchange_nothing() {
+        let both = cloud(18, 9, DVec3::ZERO, DVec3::Z, 1.0);
+        for (tolerance, bound) in BOUNDS {
+            check::<f64, 3>((&both, &both), None, false, tolerance, bound);
+            check::<f64, 3>((&both, &both), None, true, tolerance, bound.max(1e-8));
+            check::<f64, 3>((&[both[0]; 5], &[both[0]; 5]), None, false, tolerance, bound);
+        }
+    }
+
+    #[test]
+    fn sources_next_to_the_first_target_reach_the_others() {
+        let mut xs = cloud(3, 10, DVec3::Z * 2.0, -DVec3::Z, 1e3);
+        let first = Surfel { position: DVec3::ZERO, normal: DVec3::Z, area: 1e4, face: 0 };
+        xs.insert(0, first);
+        let ys = [Surfel { position: DVec3::X * 1e-25, ..first }];
+        for (tolerance, bound) in BOUNDS {
+            // The first itself is too close for single precision to tell from coincident.
+            check::<f64, 3>((&xs, &ys), Some(&[0b1110]), false, tolerance, bound);
+        }
+    }
 }

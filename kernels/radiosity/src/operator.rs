@@ -4,6 +4,7 @@
 use crate::corrections::Corrections;
 use crate::element::Element;
 use crate::error::Error;
+use crate::solve::check_length;
 
 /// H = A⁻¹ D (A K + C) D: the irradiance of elements by their radiosity, all bands in one pass.
 ///
@@ -69,10 +70,7 @@ impl<'a, const BANDS: usize> RadiosityOperator<'a, BANDS> {
         sum: impl Fn(&[[f64; BANDS]]) -> Result<Vec<[f64; BANDS]>, farfield::Error> + Sync + 'a,
         corrections: Corrections,
     ) -> Result<Self, Error> {
-        let (expected, found) = (elements.len(), corrections.len());
-        if found != expected {
-            return Err(Error::LengthMismatch { what: "corrections", expected, found });
-        }
+        check_length("corrections", corrections.len(), elements.len())?;
         let areas = elements.iter().map(|element| element.surfel().area).collect();
         Ok(Self { sum: Box::new(sum), corrections, areas, scaling: Vec::new() })
     }
@@ -80,10 +78,13 @@ impl<'a, const BANDS: usize> RadiosityOperator<'a, BANDS> {
     /// The irradiance H of each element for radiosities B, in the same units.
     ///
     /// # Errors
-    /// Those of the sum.
+    /// [`Error::LengthMismatch`] unless there is one radiosity per element, and the sum gives one
+    /// irradiance. Those of the sum.
     pub fn apply(&self, radiosity: &[[f64; BANDS]]) -> Result<Vec<[f64; BANDS]>, Error> {
+        check_length("radiosity", radiosity.len(), self.areas.len())?;
         let scaled = self.scaled(radiosity);
         let mut irradiance = (self.sum)(&scaled)?;
+        check_length("irradiance", irradiance.len(), self.areas.len())?;
         self.corrections.add(&scaled, &mut irradiance);
         Ok(match self.scaling.is_empty() {
             true => irradiance,
@@ -137,15 +138,15 @@ impl<'a, const BANDS: usize> RadiosityOperator<'a, BANDS> {
         let before = std::mem::take(&mut self.scaling);
         let closed = self.scaling_for(enclosure).and_then(|d| {
             let change = |d: f64| d * d - 1.0;
-            let largest = d.iter().map(|&d| change(d).abs()).fold(0.0, f64::max);
             let squares = d.iter().zip(&self.areas).map(|(&d, area)| area * change(d).powi(2));
             let rms = (squares.sum::<f64>()
                 / self.areas.iter().sum::<f64>().max(f64::MIN_POSITIVE))
             .sqrt();
             let worst =
                 (0..d.len()).max_by(|&i, &j| change(d[i]).abs().total_cmp(&change(d[j]).abs()));
+            let largest = worst.map_or(0.0, |index| change(d[index]).abs());
             match worst {
-                Some(index) if largest > limit || largest.is_nan() => {
+                Some(index) if largest > limit || largest.is_nan() || limit.is_nan() => {
                     Err(Error::NotClosable { index, change: change(d[index]), limit })
                 }
                 _ => Ok((d, Closure { largest, rms })),
@@ -175,9 +176,11 @@ impl<'a, const BANDS: usize> RadiosityOperator<'a, BANDS> {
             let received = self.apply(&columns)?;
             let mut change = 0.0f64;
             for (d, h) in d.iter_mut().zip(&received) {
-                // An element that nothing sees has nothing to scale.
-                let wanted = if h[0] > 0.0 { (*d / h[0]).sqrt() } else { *d };
-                let wanted = if enclosure == Enclosure::Open { wanted.min(1.0) } else { wanted };
+                // An element that nothing sees has nothing to scale; a sum that is no number shows.
+                let seen = h[0] > 0.0 || h[0].is_nan();
+                let wanted = if seen { (*d / h[0]).sqrt() } else { *d };
+                let most = if enclosure == Enclosure::Open { 1.0 } else { f64::INFINITY };
+                let wanted = if wanted > most { most } else { wanted };
                 change = change.max((wanted / *d - 1.0).abs());
                 *d = wanted;
             }
@@ -214,4 +217,182 @@ pub(crate) fn mixed(n: u64) -> u64 {
     let z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
     z ^ (z >> 31)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Irradiance, Occluders, Scene, Stop, Surfel, furnace, jacobi};
+    use farfield::direct;
+    use glam::DVec3;
+
+    fn sums(scene: &Scene) -> impl Fn(&[[f64; 1]]) -> Result<Vec<[f64; 1]>, farfield::Error> {
+        let surfels: Vec<Surfel> = scene.surfels.clone();
+        move |b| Ok(direct(&Irradiance::clamped(), &surfels, b, &surfels))
+    }
+
+    /// The operator of centroids alone.
+    fn plain(scene: &Scene) -> RadiosityOperator<'_, 1> {
+        let none = Corrections::none(&scene.elements);
+        RadiosityOperator::new(&scene.elements, sums(scene), none).unwrap()
+    }
+
+    /// The four walls and the floor of a cube.
+    fn open_room(n: usize) -> Scene {
+        let mut scene = furnace(n);
+        scene.elements.retain(|e| e.surfel().face != 5);
+        scene.surfels.retain(|s| s.face != 5);
+        scene
+    }
+
+    fn extremes(values: &[f64]) -> (f64, f64) {
+        values.iter().fold((f64::INFINITY, 0.0), |(low, high), &v| (low.min(v), high.max(v)))
+    }
+
+    #[test]
+    fn with_corrections_the_rows_of_a_closed_room_sum_to_one() {
+        let scene = furnace(6);
+        for tolerance in [1e-1, 1e-2, 1e-3] {
+            let nothing = Occluders::new(&[]).unwrap();
+            let corrections = Corrections::new(&scene.elements, &nothing, tolerance).unwrap();
+            let operator =
+                RadiosityOperator::new(&scene.elements, sums(&scene), corrections).unwrap();
+            let (low, high) = extremes(&operator.row_sums().unwrap());
+            assert!(low > 1.0 - 4.0 * tolerance && high < 1.0 + 4.0 * tolerance);
+            assert!(operator.reciprocity_error().unwrap() < 1e-12);
+        }
+        let (_, high) = extremes(&plain(&scene).row_sums().unwrap());
+        assert!(high > 1.2, "without, they don't");
+    }
+
+    #[test]
+    fn a_room_of_centroids_gains_light_until_it_is_closed() {
+        let scene = furnace(8);
+        let mut operator = plain(&scene);
+        let (low, high) = extremes(&operator.row_sums().unwrap());
+        assert!((low - 1.007).abs() < 1e-3 && (high - 1.239).abs() < 1e-3, "{low} {high}");
+        let mut emission = vec![[0.0]; scene.surfels.len()];
+        emission[7] = [1.0];
+        let reflectance = vec![[0.95]; scene.surfels.len()];
+        let solve = |operator: &RadiosityOperator<'_, 1>| {
+            jacobi(&emission, &reflectance, Stop::default(), |b| operator.apply(b), |_, _| ())
+        };
+        assert!(matches!(solve(&operator), Err(Error::Diverged { .. })));
+
+        let closure = operator.close(Enclosure::Closed, 0.5).unwrap();
+        assert!(closure.largest > 0.1 && closure.largest < 0.3, "{closure:?}");
+        assert!(closure.rms > 0.01 && closure.rms < closure.largest);
+        let (low, high) = extremes(&operator.row_sums().unwrap());
+        assert!(low > 1.0 - 1e-5 && high < 1.0 + 1e-5, "{low} {high}");
+        assert!(operator.reciprocity_error().unwrap() < 1e-12);
+        let solution = solve(&operator).unwrap();
+        // All that is emitted is absorbed.
+        let absorbed: f64 = solution.irradiance.iter().map(|h| 0.05 * h[0]).sum();
+        assert!((absorbed - 1.0).abs() < 1e-3, "{absorbed}");
+
+        // Closing once more changes nothing but the last digits.
+        let scalings: Vec<f64> = (0..384).map(|j| operator.scaling(j)).collect();
+        operator.close(Enclosure::Closed, 0.5).unwrap();
+        for (j, before) in scalings.iter().enumerate() {
+            assert!((operator.scaling(j) - before).abs() < 1e-5);
+        }
+    }
+
+    #[test]
+    fn open_surfaces_are_only_scaled_down() {
+        let scene = open_room(8);
+        let mut operator = plain(&scene);
+        let before = operator.row_sums().unwrap();
+        assert!(extremes(&before).1 > 1.05 && extremes(&before).0 < 0.9);
+        let closure = operator.close(Enclosure::Open, 0.5).unwrap();
+        assert!(closure.largest > 0.0 && closure.rms > 0.0);
+        let after = operator.row_sums().unwrap();
+        assert!(extremes(&after).1 < 1.0 + 1e-5, "{}", extremes(&after).1);
+        assert!(before.iter().zip(&after).all(|(b, a)| a <= b));
+        let scalings: Vec<f64> = (0..before.len()).map(|j| operator.scaling(j)).collect();
+        assert!(scalings.iter().all(|&d| d > 0.5 && d <= 1.0) && extremes(&scalings).0 < 1.0);
+        assert!(scalings.contains(&1.0), "what had no part in it is left alone");
+        assert!(operator.reciprocity_error().unwrap() < 1e-12);
+    }
+
+    #[test]
+    fn open_surfaces_that_gain_nothing_are_left_alone() {
+        let mut scene = Scene::new();
+        let [x, y, z] = DVec3::AXES;
+        scene.add_quad([DVec3::ZERO, x, x + y, y], 3, 3);
+        scene.add_quad([z, z + y, z + x + y, z + x], 3, 3);
+        let mut operator = plain(&scene);
+        let before = operator.row_sums().unwrap();
+        let closure = operator.close(Enclosure::Open, 1e-9).unwrap();
+        assert_eq!(closure, Closure::default());
+        assert_eq!(operator.row_sums().unwrap(), before);
+        assert!((0..18).all(|j| operator.scaling(j) == 1.0));
+    }
+
+    #[test]
+    fn what_cannot_be_closed_is_named_and_left_as_it_was() {
+        let scene = open_room(4);
+        let mut operator = plain(&scene);
+        operator.close(Enclosure::Open, 0.5).unwrap();
+        let before = operator.row_sums().unwrap();
+        let error = operator.close(Enclosure::Closed, 0.1).unwrap_err();
+        let Error::NotClosable { index, change, limit } = error else { panic!("{error}") };
+        assert!(limit == 0.1 && change > 0.1, "{change}");
+        // Next to the missing ceiling.
+        assert!(scene.surfels[index].position.z > 0.8, "{index}");
+        assert_eq!(operator.row_sums().unwrap(), before);
+        assert!(operator.close(Enclosure::Closed, f64::NAN).is_err());
+
+        let nan = |b: &[[f64; 1]]| Ok(vec![[f64::NAN]; b.len()]);
+        let none = Corrections::none(&scene.elements);
+        let mut operator = RadiosityOperator::new(&scene.elements, nan, none).unwrap();
+        for enclosure in [Enclosure::Closed, Enclosure::Open] {
+            let error = operator.close(enclosure, 0.5).unwrap_err();
+            assert!(matches!(error, Error::NotClosable { change, .. } if change.is_nan()));
+        }
+    }
+
+    #[test]
+    fn an_exchange_that_is_not_reciprocal_is_seen() {
+        let scene = furnace(3);
+        let none = || Corrections::none(&scene.elements);
+        let sum = sums(&scene);
+        let uneven = |b: &[[f64; 1]]| {
+            let mut h = sum(b)?;
+            h.iter_mut().take(9).for_each(|h| h[0] *= 1.1);
+            Ok(h)
+        };
+        let operator = RadiosityOperator::new(&scene.elements, uneven, none()).unwrap();
+        assert!(operator.reciprocity_error().unwrap() > 1e-4);
+        let dark = |b: &[[f64; 1]]| Ok(vec![[0.0]; b.len()]);
+        let operator = RadiosityOperator::new(&scene.elements, dark, none()).unwrap();
+        assert_eq!(operator.reciprocity_error(), Ok(0.0));
+    }
+
+    #[test]
+    fn lengths_that_do_not_match_and_failing_sums_are_reported() {
+        let (scene, other) = (furnace(2), furnace(1));
+        let found = RadiosityOperator::new(
+            &scene.elements,
+            sums(&scene),
+            Corrections::none(&other.elements),
+        );
+        let error = Error::LengthMismatch { what: "corrections", expected: 24, found: 6 };
+        assert_eq!(found.unwrap_err(), error);
+        let error = Error::LengthMismatch { what: "radiosity", expected: 24, found: 23 };
+        assert_eq!(plain(&scene).apply(&[[1.0]; 23]), Err(error));
+        let short = |_: &[[f64; 1]]| Ok(vec![[1.0]; 5]);
+        let none = Corrections::none(&scene.elements);
+        let mut operator = RadiosityOperator::new(&scene.elements, short, none.clone()).unwrap();
+        let error = Error::LengthMismatch { what: "irradiance", expected: 24, found: 5 };
+        assert_eq!(operator.row_sums(), Err(error.clone()));
+        assert_eq!(operator.close(Enclosure::Open, 0.5), Err(error));
+        let failing = |_: &[[f64; 1]]| Err(farfield::Error::InvalidLeafSize);
+        let operator = RadiosityOperator::new(&scene.elements, failing, none).unwrap();
+        assert_eq!(operator.row_sums(), Err(Error::Sum(farfield::Error::InvalidLeafSize)));
+        let empty = Corrections::none(&[]);
+        let mut operator = RadiosityOperator::<1>::new(&[], |_| Ok(vec![]), empty).unwrap();
+        assert_eq!(operator.close(Enclosure::Closed, 0.1), Ok(Closure::default()));
+        assert_eq!(operator.row_sums(), Ok(vec![]));
+    }
 }

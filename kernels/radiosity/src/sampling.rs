@@ -141,3 +141,119 @@ pub(crate) fn order<P: farfield::Located>(a: &CellView<'_, P>, b: &CellView<'_, 
     let (low, high) = if first <= second { (first, second) } else { (second, first) };
     (first <= second, fold(fold(a.cell.level() as u64, low), high))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+    use farfield::{Cell, Cube};
+    use glam::DVec3;
+    use std::collections::BTreeSet;
+
+    #[test]
+    fn samples_pair_one_point_of_every_quarter_with_one_of_every_quarter() {
+        for n in [1, 2, 3, 4, 5, 17, 64] {
+            for m in [1, 4, 9, 64] {
+                for turn in 0..20 {
+                    let found: Vec<_> = samples(n, m, turn).collect();
+                    assert_eq!(found.len(), RAYS);
+                    for (k, &(i, j)) in found.iter().enumerate() {
+                        let within = |index: usize, quarter: usize, count: usize| {
+                            let at = index as f64 * ROWS as f64 / count as f64;
+                            at < (quarter + 1) as f64
+                                && at + ROWS as f64 / count as f64 > quarter as f64
+                        };
+                        assert!(within(i, k / ROWS, n) && within(j, k % ROWS, m));
+                        assert_eq!((i, j), (found[k / ROWS * ROWS].0, found[k % ROWS].1));
+                    }
+                }
+            }
+        }
+        let different: BTreeSet<Vec<_>> = (0..50).map(|t| samples(64, 64, t).collect()).collect();
+        assert_eq!(different.len(), 50);
+    }
+
+    fn square(n: usize, z: f64, up: f64, face: u32) -> Vec<Surfel> {
+        let at = |i: usize| DVec3::new((i % 4) as f64, (i / 4) as f64, 0.0) * 1e-3;
+        let surfel = |i: usize| Surfel {
+            position: at(i) + DVec3::Z * z,
+            normal: DVec3::Z * up,
+            area: 1e-6,
+            face,
+        };
+        (0..n).map(surfel).collect()
+    }
+
+    #[test]
+    fn groups_exchange_what_their_areas_and_brightness_make_of_the_kernel() {
+        let (floor, ceiling) = (square(16, 0.0, 1.0, 0), square(8, 2.0, -1.0, 1));
+        let sampling = |most| Sampling { most, brightness: vec![10.0, 0.5] };
+        let strength = sampling(1.0).strength(&floor, &ceiling);
+        let kernel = 0.25 * std::f64::consts::FRAC_1_PI;
+        assert_relative_eq!(strength.areas[0], 16e-6, max_relative = 1e-12);
+        assert_relative_eq!(strength.areas[1], 8e-6, max_relative = 1e-12);
+        // What is darker than the mean counts as the mean.
+        assert_relative_eq!(strength.received[0], kernel * 8e-6, max_relative = 1e-5);
+        assert_relative_eq!(strength.received[1], kernel * 160e-6, max_relative = 1e-5);
+        assert!(sampling(13e-6).accepts(&strength) && !sampling(12e-6).accepts(&strength));
+        let least = 13e-6 * BLIND;
+        assert!(sampling(least).accepts_blindly(&strength));
+        assert!(!sampling(0.9 * least).accepts_blindly(&strength));
+
+        let away = square(8, 2.0, 1.0, 7);
+        assert_eq!(sampling(1.0).strength(&floor, &away).received, [0.0; 2]);
+        let single: Vec<Surfel<f32>> = floor.iter().map(Surfel::cast).collect();
+        let above: Vec<Surfel<f32>> = ceiling.iter().map(Surfel::cast).collect();
+        let same = sampling(1.0).strength(&single, &above);
+        assert_relative_eq!(same.received[1], strength.received[1], max_relative = 1e-5);
+    }
+
+    #[test]
+    fn the_variance_is_that_of_a_share_and_never_none() {
+        let strength = Strength { received: [0.1, 0.2], areas: [3.0, 4.0] };
+        let squares = 3.0 * 0.01 + 4.0 * 0.04;
+        assert_relative_eq!(
+            strength.variance(RAYS / 2),
+            0.25 * (1.0 + 1.0 / 16.0) * squares,
+            max_relative = 1e-12
+        );
+        for k in 0..=RAYS / 2 {
+            let (few, many) = (strength.variance(k), strength.variance(RAYS - k));
+            assert_relative_eq!(few, many, max_relative = 1e-12);
+            assert!(few > 0.0 && (k == 0 || few > strength.variance(k - 1)));
+        }
+    }
+
+    #[test]
+    fn rows_and_columns_of_rays_agree_unless_they_see_different_shares() {
+        let seen = |sees: &dyn Fn(usize, usize) -> bool| {
+            let seen = Seen::of(ROWS, ROWS, 0, sees);
+            (seen.count(), seen.rows_agree(), seen.columns_agree())
+        };
+        assert_eq!(seen(&|_, _| false), (0, true, true));
+        assert_eq!(seen(&|_, _| true), (RAYS, true, true));
+        assert_eq!(seen(&|i, _| i < 2), (8, false, true));
+        assert_eq!(seen(&|_, j| j == 3), (4, true, false));
+        assert_eq!(seen(&|i, j| (i + j) % 2 == 0), (8, true, true));
+        assert_eq!(seen(&|i, j| i == 0 && j == 0), (1, true, true));
+        assert_eq!(seen(&|i, j| i < 2 && j < 2), (4, false, false));
+    }
+
+    #[test]
+    fn two_cells_come_in_the_same_order_and_with_the_same_number_from_either_end() {
+        let root = Cube::new(DVec3::ZERO, 1.0);
+        let places = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [3, 2, 1], [1, 2, 3]];
+        let cells = places.map(|place| Cell::new(&root, 2, place));
+        let points: [Surfel; 0] = [];
+        let view = |k: usize| CellView { cell: &cells[k], points: &points };
+        let mut numbers = BTreeSet::new();
+        for i in 0..places.len() {
+            for j in 0..i {
+                let (there, back) = (order(&view(i), &view(j)), order(&view(j), &view(i)));
+                assert_eq!(there.1, back.1);
+                assert_ne!(there.0, back.0);
+                assert!(numbers.insert(there.1), "every pair has a number of its own");
+            }
+        }
+    }
+}

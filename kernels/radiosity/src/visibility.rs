@@ -33,7 +33,7 @@ pub struct Visibility<'a> {
     certified: Tally,
     sampled: Tally,
     rays: Tally,
-    /// In units of [`VARIANCE_UNIT`], so that sums don't depend on their order.
+    /// In [whole units](Self::variance_unit), so that sums don't depend on their order.
     variance: Tally,
 }
 
@@ -113,7 +113,7 @@ impl<'a> Visibility<'a> {
     /// radiosity: the root of the summed variances of all samples over the `area` of all surfels. 0 if
     /// every pair was asked for.
     pub fn uncertainty(&self, area: f64) -> f64 {
-        (self.variance.total() as f64 * VARIANCE_UNIT / area).sqrt()
+        (self.variance.total() as f64 * self.variance_unit() / area).sqrt()
     }
 
     fn sees<T: Real>(&self, x: &Surfel<T>, y: &Surfel<T>) -> bool {
@@ -137,17 +137,23 @@ impl<'a> Visibility<'a> {
             return None;
         }
         let seen = Seen::of(x.len(), y.len(), key, |i, j| self.sees(&x[i], &y[j]));
-        let even = seen.rows_agree() && seen.columns_agree();
-        if !even && !sampling.accepts_blindly(&strength) {
+        let uneven = !(seen.rows_agree() && seen.columns_agree());
+        if uneven && !sampling.accepts_blindly(&strength) {
             return None;
         }
         // Asked for from both ends, and both count.
         self.add_variance(0.5 * strength.variance(seen.count()));
-        Some(seen.count())
+        Some(even(seen.count(), key))
     }
 
     fn add_variance(&self, variance: f64) {
-        self.variance.add((variance / VARIANCE_UNIT) as u64);
+        self.variance.add((variance / self.variance_unit()) as u64);
+    }
+
+    /// The unit in which variances times areas are counted: as fine for a scene of any size.
+    fn variance_unit(&self) -> f64 {
+        let unit = self.occluders.margin().powi(2);
+        if unit > 0.0 { unit } else { f64::MIN_POSITIVE }
     }
 }
 
@@ -155,8 +161,12 @@ impl<'a> Visibility<'a> {
 /// tolerance. Measured, with the lamp of a Cornell box among much darker surfels.
 const SAMPLED_ERROR: f64 = 2.0;
 
-/// The unit in which variances times areas are counted.
-const VARIANCE_UNIT: f64 = 1e-12;
+/// One of the two even numbers next to an odd one, by the toss of a coin that `key` decides: always the
+/// lower would lose light.
+fn even(count: usize, key: u64) -> usize {
+    let odd = count % 2;
+    if mixed(key) >> 63 == 0 { count - odd } else { count + odd }
+}
 
 impl<T: Real, C: Columns<T>> Mask<Irradiance<T, C>> for Visibility<'_> {
     fn cells(
@@ -194,7 +204,7 @@ impl<T: Real, C: Columns<T>> Mask<Irradiance<T, C>> for Visibility<'_> {
             }
             Some(visible) => {
                 self.sampled.add(pairs);
-                Coverage::Eighths((visible / 2).clamp(1, 7) as u8)
+                Coverage::Eighths((visible / 2) as u8)
             }
         }
     }
@@ -492,19 +502,60 @@ mod tests {
             assert_eq!(verdicts[0], verdicts[1]);
             (verdicts[0], mask.counts(), mask.uncertainty(1.0))
         };
-        let (verdict, counts, uncertainty) = sampled(0.03, vec![]);
+        let (verdict, counts, uncertainty) = sampled(0.1, vec![]);
         let Coverage::Eighths(visible) = verdict else { panic!("{verdict:?}") };
         assert!((5..=7).contains(&visible), "{visible} eighths of about three quarters");
         assert_eq!((counts.sampled, counts.rays), (512, 32));
-        // Each receives A/(πr²) ≈ 0.0014 of what it sees of the other, half of which is in doubt.
-        assert!((5e-5..2e-4).contains(&uncertainty), "{uncertainty}");
+        // Each receives A/(πr²) ≈ 0.0014 of what it sees of the other, half of which is in doubt, on an
+        // area of 0.04 each.
+        assert!((1e-4..3e-4).contains(&uncertainty), "{uncertainty}");
         // What is weak on its own isn't if one of the two is a lamp.
-        for strong in [sampled(0.003, vec![]), sampled(0.03, vec![1.0, 100.0])] {
+        for strong in [sampled(0.003, vec![]), sampled(0.1, vec![1.0, 100.0])] {
             assert_eq!((strong.0, strong.1.rays, strong.2), (Coverage::Partial, 0, 0.0));
         }
         let error = Error::InvalidTolerance { found: 1.0 };
         let refused = Visibility::new(&occluders).fractional(1.0, vec![]);
         assert_eq!(refused.map(|_| ()), Err(error));
+    }
+
+    #[test]
+    fn shares_are_rounded_to_eighths_without_a_bias() {
+        for count in 0..=RAYS {
+            let sum: usize = (0..1000).map(|key| even(count, key)).sum();
+            assert!((0..1000).all(|key| matches!(even(count, key), 0..=RAYS)));
+            assert!((0..1000).all(|key| even(count, key).is_multiple_of(2)));
+            assert!((sum as f64 / 1000.0 - count as f64).abs() < 0.1, "{count}: {sum}");
+        }
+    }
+
+    #[test]
+    fn the_uncertainty_is_that_of_the_scene_at_any_scale() {
+        let uncertainty = |scale: f64| {
+            let grown = |s: Surfel| Surfel {
+                position: s.position * scale,
+                area: s.area * scale * scale,
+                ..s
+            };
+            let floor: Vec<_> = square(0.0, 0.2, true, 0).into_iter().map(grown).collect();
+            let ceiling: Vec<_> = square(3.0, 0.2, false, 1).into_iter().map(grown).collect();
+            let screen = screen(1.5, 0.1, 2).map(|t| Triangle {
+                vertices: t.vertices.map(|v| (v + DVec3::X * 0.05) * scale),
+                ..t
+            });
+            let occluders = Occluders::new(&screen).unwrap();
+            let root = Cube::new(DVec3::ZERO, 4.0 * scale);
+            let cells = [Cell::new(&root, 3, [4, 4, 4]), Cell::new(&root, 3, [4, 4, 7])];
+            let mask = Visibility::new(&occluders).fractional(0.1, vec![]).unwrap();
+            let [from, to] = [&floor, &ceiling].map(|points| &points[..]);
+            let from = CellView { cell: &cells[0], points: from };
+            Mask::<Kernel>::cells(&mask, from, CellView { cell: &cells[1], points: to });
+            mask.uncertainty(scale * scale)
+        };
+        let unit = uncertainty(1.0);
+        assert!(unit > 1e-5);
+        for scale in [0.5f64.powi(30), 2f64.powi(40)] {
+            assert!((uncertainty(scale) / unit - 1.0).abs() < 1e-3, "{scale}");
+        }
     }
 
     #[test]

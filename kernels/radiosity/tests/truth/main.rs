@@ -1,0 +1,6 @@
+//! The library against exact values: factors of known bodies, and whole solutions.
+
+mod bodies;
+mod factors;
+mod operators;
+mod solutions;
