@@ -17,19 +17,13 @@ pub(crate) struct Camera {
 }
 
 impl Camera {
-    /// The camera at `eye` that looks along the unit vector `forward`, with the unit vector `up`,
-    /// perpendicular to it, upwards in the picture; its film is `film_over_focal` focal lengths wide.
-    pub(crate) fn new(eye: DVec3, forward: DVec3, up: DVec3, film_over_focal: f64) -> Self {
-        let half = 0.5 * film_over_focal;
-        Self { eye, forward, right: half * forward.cross(up), down: -half * up }
-    }
-
     /// The camera of a viewpoint. Where it looks nowhere, or along what is up, any direction will do.
     pub(crate) fn at(view: &Viewpoint) -> Self {
         let forward = (view.target - view.eye).try_normalize().unwrap_or(DVec3::NEG_Z);
         let up = view.up.reject_from_normalized(forward).try_normalize();
         let up = up.unwrap_or_else(|| forward.any_orthonormal_vector());
-        Self::new(view.eye, forward, up, view.film_over_focal)
+        let half = 0.5 * view.film_over_focal;
+        Self { eye: view.eye, forward, right: half * forward.cross(up), down: -half * up }
     }
 
     /// Where the rays start.
@@ -47,18 +41,7 @@ impl Camera {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cornell::{EYE, FILM_OVER_FOCAL, FORWARD, Scene, UP};
-
-    /// Where the published camera sees a point.
-    fn seen(point: DVec3) -> (f64, f64) {
-        let camera = Camera::new(EYE, FORWARD, UP, FILM_OVER_FOCAL);
-        let ray = (point - EYE) / FORWARD.dot(point - EYE);
-        let from_centre =
-            |axis: DVec3| 0.5 + 0.5 * (ray - FORWARD).dot(axis) / axis.length_squared();
-        let (x, y) = (from_centre(camera.right), from_centre(camera.down));
-        assert!(camera.direction(x, y).abs_diff_eq(ray, 1e-12));
-        (x, y)
-    }
+    use crate::generators::generate;
 
     #[test]
     fn a_viewpoint_has_its_target_in_the_middle_and_up_upwards() {
@@ -76,17 +59,21 @@ mod tests {
 
     #[test]
     fn light_above_red_left_green_right() {
-        let scene = Scene::cornell_box();
-        let centre = |wall: usize| scene.walls[wall].corners.iter().sum::<DVec3>() / 4.0;
-        let (x, y) = seen(centre(scene.light()));
-        assert!((x - 0.5).abs() < 1e-9 && (0.1..0.2).contains(&y), "light at ({x}, {y})");
-        let redness = |wall: usize| {
-            let [red, green, _] = scene.walls[wall].material.reflectance;
-            red - green
+        let scene = generate("cornell").expect("a scene");
+        let camera = Camera::at(&scene.camera.expect("published"));
+        let seen = |name: &str| {
+            let of = |k: &usize| scene.materials[*k].name == name;
+            let material = (0..scene.materials.len()).find(of).expect("a material");
+            let surface =
+                scene.surfaces.iter().find(|s| s.material == material).expect("a surface");
+            let count = surface.corners.len() as f64;
+            let to = surface.corners.iter().sum::<DVec3>() / count - camera.eye;
+            let ray = to / camera.forward.dot(to) - camera.forward;
+            let from_centre = |axis: DVec3| 0.5 + 0.5 * ray.dot(axis) / axis.length_squared();
+            (from_centre(camera.right), from_centre(camera.down))
         };
-        let side = |wall: usize| seen(centre(wall)).0;
-        let red = (0..19).max_by(|&a, &b| redness(a).total_cmp(&redness(b))).expect("19 walls");
-        let green = (0..19).min_by(|&a, &b| redness(a).total_cmp(&redness(b))).expect("19 walls");
-        assert!(side(red) < 0.2 && side(green) > 0.8);
+        let (x, y) = seen("lamp");
+        assert!((x - 0.5).abs() < 1e-9 && (0.1..0.2).contains(&y), "light at ({x}, {y})");
+        assert!(seen("red").0 < 0.2 && seen("green").0 > 0.8);
     }
 }

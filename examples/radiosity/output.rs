@@ -182,7 +182,6 @@ impl Drop for Output {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::DVec3;
 
     fn folder(test: &str) -> PathBuf {
         std::env::temp_dir().join(format!("farfield-{test}-{}", std::process::id()))
@@ -197,8 +196,7 @@ mod tests {
     #[test]
     fn files_appear_only_when_published() {
         let folder = folder("publish");
-        let surfel = Surfel { position: DVec3::X, normal: DVec3::Y, area: 2.0, face: 0 };
-        let write = |output: &mut Output| output.ply("s.ply", &[surfel], &[[1, 2, 3]]);
+        let write = |output: &mut Output| output.png("s.png", 1, &[[1, 2, 3]]);
 
         let mut output = Output::new(&folder).expect("writable");
         write(&mut output).expect("written");
@@ -208,9 +206,9 @@ mod tests {
         let mut output = Output::new(&folder).expect("writable");
         write(&mut output).expect("written");
         output.publish().expect("renamed");
-        assert_eq!(names(&folder), ["s.ply"]);
-        let ply = fs::read_to_string(folder.join("s.ply")).expect("readable");
-        assert!(ply.starts_with("ply\n") && ply.ends_with("\n1 0 0 0 1 0 2 1 2 3\n"), "{ply}");
+        assert_eq!(names(&folder), ["s.png"]);
+        let png = fs::read(folder.join("s.png")).expect("readable");
+        assert_eq!(&png[1..4], b"PNG");
         fs::remove_dir_all(&folder).expect("removable");
     }
 

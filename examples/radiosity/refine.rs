@@ -79,19 +79,26 @@ impl Refinement {
                 _ => [u, v],
             }
         };
-        let strengths: Vec<f64> =
-            (0..cuts.len()).map(|k| (2.0 * (whole(k)[0] * whole(k)[1]).sqrt()).sqrt()).collect();
+        // As many along either edge as its slopes ask for, but no slivers: they are near to too many.
+        let ratio = |k: usize| {
+            // A triangle's edges are all cut alike.
+            if scene.surfaces[k].corners.len() == 3 {
+                return 1.0;
+            }
+            let ([u, v], [a, b]) = (whole(k), edge_lengths(&scene.surfaces[k]));
+            let ratio = if v > 0.0 { (u / v).sqrt() } else { f64::INFINITY };
+            let ratio = if u > 0.0 || v > 0.0 { ratio } else { a / b };
+            ratio.clamp(a / b / MOST_ASPECT, a / b * MOST_ASPECT)
+        };
+        let strengths: Vec<f64> = (0..cuts.len())
+            .map(|k| (whole(k)[0] / ratio(k) + whole(k)[1] * ratio(k)).sqrt())
+            .collect();
         let wanted = strengths.iter().sum::<f64>() / (tolerance.powi(2) * size);
         let fits = most as f64 / strengths.iter().sum::<f64>().max(f64::MIN_POSITIVE);
         let per_strength = wanted.min(fits);
         let cut = |k: usize| -> Cuts {
             let pieces = strengths[k] * per_strength;
-            let [u, v] = whole(k);
-            // As many along either edge as its slopes ask for, but no slivers: they are near to too many.
-            let [a, b] = edge_lengths(&scene.surfaces[k]);
-            let ratio = if u > 0.0 && v > 0.0 { (u / v).sqrt() } else { a / b };
-            let ratio = ratio.clamp(a / b / MOST_ASPECT, a / b * MOST_ASPECT);
-            let along = [(pieces * ratio).sqrt(), (pieces / ratio).sqrt()];
+            let along = [(pieces * ratio(k)).sqrt(), (pieces / ratio(k)).sqrt()];
             std::array::from_fn(|axis| {
                 let now = f64::from(cuts[k][axis]);
                 along[axis].clamp(now / STEP, now * STEP).round().max(1.0) as u32
@@ -129,4 +136,74 @@ fn slopes<'a>(corners: usize, cuts: Cuts, piece: impl Fn(usize) -> (f64, &'a [f6
         }
     }
     sums
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::even_cuts;
+    use crate::scene::{Material, Surface};
+    use glam::DVec3;
+
+    /// A floor of 2 × 1 and a triangle beside it.
+    fn scene() -> Scene {
+        let quad = [[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [0.0, 1.0]];
+        let triangle = [[3.0, 0.0], [5.0, 0.0], [3.0, 2.0]];
+        let surface = |corners: &[[f64; 2]]| Surface {
+            corners: corners.iter().map(|[x, y]| DVec3::new(*x, *y, 0.0)).collect(),
+            material: 0,
+            face: 0,
+        };
+        Scene {
+            materials: vec![Material::grey()],
+            surfaces: vec![surface(&quad), surface(&triangle)],
+            ..Scene::default()
+        }
+    }
+
+    fn refined(elements: usize, tolerance: f64, most: usize) -> (Refinement, f64) {
+        let scene = scene();
+        let cuts = even_cuts(&scene, elements).expect("cuts");
+        let mesh = Mesh::with_cuts(&scene, &cuts).expect("a mesh");
+        let field = |p: DVec3| 1.0 + p.x;
+        let values: Vec<f64> =
+            mesh.elements.iter().map(|element| field(element.surfel().position)).collect();
+        // Off the mean of each piece, by a rule that is exact for linear fields.
+        let mut squares = [0.0; 2];
+        for (element, value) in mesh.elements.iter().zip(&values) {
+            let corners = element.as_patch().expect("a patch").corners();
+            let area = element.surfel().area;
+            // Mean squares of linear functions of mean 0, by their values at the corners.
+            let off: f64 = corners.iter().map(|c| (field(*c) - value).powi(2)).sum();
+            squares[0] += area * off / 12.0;
+            squares[1] += area * value * value;
+        }
+        let refinement = Refinement::new(&scene, &mesh, &cuts, &values, tolerance, most);
+        (refinement, (squares[0] / squares[1]).sqrt())
+    }
+
+    #[test]
+    fn the_error_of_constants_is_known_and_falls_to_the_tolerance() {
+        let (coarse, error) = refined(60, 0.02, 100_000);
+        assert!((coarse.error / error - 1.0).abs() < 0.3, "{} {error}", coarse.error);
+        let scene = scene();
+        let mesh = Mesh::with_cuts(&scene, &coarse.cuts).expect("a mesh");
+        let values: Vec<f64> =
+            mesh.elements.iter().map(|element| 1.0 + element.surfel().position.x).collect();
+        let fine = Refinement::new(&scene, &mesh, &coarse.cuts, &values, 0.02, 100_000);
+        assert!(fine.error < 0.025 && fine.error > 0.01, "{}", fine.error);
+    }
+
+    #[test]
+    fn the_cap_holds_and_even_light_needs_few_elements() {
+        let (capped, _) = refined(60, 1e-4, 400);
+        let mesh = Mesh::with_cuts(&scene(), &capped.cuts).expect("a mesh");
+        assert!((200..500).contains(&mesh.elements.len()), "{}", mesh.elements.len());
+        let scene = scene();
+        let cuts = even_cuts(&scene, 60).expect("cuts");
+        let mesh = Mesh::with_cuts(&scene, &cuts).expect("a mesh");
+        let even = vec![1.0; mesh.elements.len()];
+        let refinement = Refinement::new(&scene, &mesh, &cuts, &even, 0.01, 1000);
+        assert_eq!(refinement.error, 0.0);
+    }
 }

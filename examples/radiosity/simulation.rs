@@ -271,7 +271,7 @@ impl Run<'_> {
         }
         // All light that is emitted is absorbed in the end: that is what it takes on average.
         let mean = emitted / absorbed.max(1e-3 * area);
-        if !(mean > 0.0) {
+        if mean <= 0.0 {
             return Err(Failure::Dark(match self.args.quantity {
                 QuantityName::Light => "emits light",
                 QuantityName::Heat => "has a temperature",

@@ -5,7 +5,7 @@ use std::convert::Infallible;
 use farfield::Mask;
 use farfield_radiosity::{
     Corrections, Error, Irradiance, RadiosityOperator, Solution, Stop, Surfel, Visibility,
-    conjugate_gradients, jacobi, jacobi as bicgstab, southwell,
+    bicgstab, conjugate_gradients, jacobi, southwell,
 };
 use rayon::prelude::*;
 
@@ -79,5 +79,56 @@ impl<const BANDS: usize> Exchange<'_, BANDS> {
             *value *= scale * self.operator.scaling(j);
         }
         column
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::args::QuantityName;
+    use crate::generators::generate;
+    use crate::mesh::Mesh;
+    use farfield::{direct_masked, relative_l2_error};
+    use farfield_radiosity::{Enclosure, Occluders};
+
+    #[test]
+    fn all_solvers_agree_and_leave_the_second_room_dark() {
+        let scene = generate("two-rooms").expect("a scene");
+        let mesh = Mesh::new(&scene, 600).expect("a mesh");
+        let occluders = Occluders::new(&mesh.triangles).expect("finite");
+        let visibility = Visibility::new(&occluders);
+        let surfels: Vec<Surfel> = mesh.elements.iter().map(|e| *e.surfel()).collect();
+        let corrections = Corrections::new(&mesh.elements, &occluders, 1e-2).expect("finite");
+        let kernel = Irradiance::<f64, [f64; 3]>::clamped();
+        let sum = |b: &[[f64; 3]]| Ok(direct_masked(&kernel, &visibility, &surfels, b, &surfels));
+        let mut operator =
+            RadiosityOperator::new(&mesh.elements, sum, corrections.clone()).expect("one each");
+        operator.close(Enclosure::Closed, 0.5).expect("closed");
+        let exchange = Exchange {
+            surfels: &surfels,
+            operator: &operator,
+            corrections: &corrections,
+            visibility: &visibility,
+        };
+        let surfaces = Surfaces::<3>::new(&scene, &mesh, QuantityName::Light, 3, 0);
+        let solved =
+            [SolverName::Cg, SolverName::Jacobi, SolverName::Bicgstab, SolverName::Southwell].map(
+                |solver| {
+                    let progress = Progress::new(true);
+                    exchange.solve(&surfaces, solver, 1e-4, &progress).expect("converges")
+                },
+            );
+        let [cg, jacobi, _, southwell] = &solved;
+        assert!(cg.iterations < jacobi.iterations);
+        assert!(southwell.iterations > 10 * jacobi.iterations);
+        for other in &solved {
+            assert!(relative_l2_error(&other.radiosity, &jacobi.radiosity) < 1e-4);
+            for (b, surfel) in other.radiosity.iter().zip(&surfels) {
+                // The wall between the rooms is at x = 1, its back belongs to the second one.
+                let second =
+                    surfel.position.x > 1.0 || (surfel.position.x == 1.0 && surfel.normal.x > 0.0);
+                assert_eq!(*b == [0.0; 3], second, "at {}", surfel.position);
+            }
+        }
     }
 }

@@ -102,12 +102,16 @@ impl Occluders {
     /// doesn't depend on the order of the ends.
     pub fn blocked(&self, from: DVec3, to: DVec3, skip: [u32; 2]) -> bool {
         let (from, to) = ordered(from, to);
+        self.blocker(from, to, skip).is_some()
+    }
+
+    /// What hides the two [`ordered`] ends of a segment from each other; see [`blocked`](Self::blocked).
+    pub(crate) fn blocker(&self, from: DVec3, to: DVec3, skip: [u32; 2]) -> Option<&Facet> {
         let segment = Slabs::new(from, to - from);
         self.visit(
             |bounds| segment.meets(bounds, 1.0),
             |facet| facet.blocks(from, to, skip, self.margin),
         )
-        .is_some()
     }
 
     /// The first triangle that the ray from `origin` along `direction` meets further away than the

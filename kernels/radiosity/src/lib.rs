@@ -25,6 +25,7 @@
 //! # Ok::<(), farfield_radiosity::Error>(())
 //! ```
 
+mod asked;
 mod bicgstab;
 mod bounds;
 mod bvh;
@@ -49,6 +50,7 @@ mod shaft;
 mod sixteen_moment;
 mod solve;
 mod surfel;
+mod tally;
 mod visibility;
 mod wall;
 

@@ -21,6 +21,9 @@ pub(crate) struct Shaft<'a, T: Real> {
     edges: Vec<Plane>,
 }
 
+/// Where more facets are in the way, they are too small for one to hide a cell.
+const MOST_FACETS: usize = 16;
+
 /// The half-space normal·x ≤ offset.
 #[derive(Clone, Copy, Debug)]
 struct Plane {
@@ -54,35 +57,39 @@ impl<'a, T: Real> Shaft<'a, T> {
     pub(crate) fn is_blocked(&self, occluders: &Occluders) -> bool {
         let margin = occluders.margin();
         let mut asked = Surfel::<T>::NO_FACE;
+        let (mut hidden, mut facets) = (false, 0);
         let [a, b] = &self.bounds;
-        occluders
-            .visit(
-                |node| self.meets(node),
-                |facet| {
-                    // The triangles of a face often come one after the other.
-                    let again = facet.face == asked;
+        occluders.visit(
+            |node| self.meets(node),
+            |facet| {
+                facets += 1;
+                // The triangles of a face often come one after the other.
+                if facet.face != asked {
                     asked = facet.face;
-                    !again
-                        && occluders.wall(facet.face).is_some_and(|wall| wall.hides([a, b], margin))
-                },
-            )
-            .is_some()
+                    let wall = occluders.wall(facet.face);
+                    hidden = wall.is_some_and(|wall| wall.hides([a, b], margin));
+                }
+                hidden || facets == MOST_FACETS
+            },
+        );
+        hidden
     }
 
-    /// The facets that may hide some source from some target: all others certainly don't.
-    pub(crate) fn candidates(&self, occluders: &Occluders) -> Vec<Facet> {
+    /// The facets that may hide some source from some target, if there are at most `most`: all others
+    /// certainly don't.
+    pub(crate) fn candidates(&self, occluders: &Occluders, most: usize) -> Option<Vec<Facet>> {
         let margin = occluders.margin();
         let mut candidates = Vec::new();
-        occluders.visit(
+        let beyond = occluders.visit(
             |node| self.meets(node),
             |facet| {
                 if self.may_block(facet, margin) {
                     candidates.push(*facet);
                 }
-                false
+                candidates.len() > most
             },
         );
-        candidates
+        beyond.is_none().then_some(candidates)
     }
 
     /// Whether a box may have a point in common with the hull.

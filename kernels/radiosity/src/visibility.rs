@@ -1,19 +1,19 @@
 //! The visibility mask: facing and not hidden.
 
-use std::ops::Range;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use farfield::{CellView, Columns, Coverage, Mask, Real};
 
+use crate::asked::{Asked, MOST_CANDIDATES};
 use crate::bvh::Occluders;
 use crate::error::Error;
-use crate::facet::{Facet, ordered};
 use crate::facing::facing;
 use crate::kernel::Irradiance;
 use crate::operator::mixed;
 use crate::sampling::{RAYS, Sampling, Seen, order};
 use crate::shaft::{Shaft, position};
 use crate::surfel::{Projections, Surfel};
+use crate::tally::Tally;
 
 /// The mask V(x, y): a pair counts if the two surfels [face each other](Projections::facing) and no
 /// occluder [hides](Occluders::blocked) them from each other. Symmetric, bit for bit.
@@ -23,10 +23,10 @@ use crate::surfel::{Projections, Surfel};
 /// one, down to the leaves: Θ(N^1.5) rays in all. A [`fractional`](Self::fractional) mask asks for O(N).
 #[derive(Debug)]
 pub struct Visibility<'a> {
-    occluders: &'a Occluders,
+    pub(crate) occluders: &'a Occluders,
     sampling: Option<Sampling>,
     /// Whether each pair of leaves is asked for once for both directions.
-    mirrored: AtomicBool,
+    pub(crate) mirrored: AtomicBool,
     facing_away: Tally,
     hidden: Tally,
     unhidden: Tally,
@@ -146,7 +146,7 @@ impl<'a> Visibility<'a> {
         Some(even(seen.count(), key))
     }
 
-    fn add_variance(&self, variance: f64) {
+    pub(crate) fn add_variance(&self, variance: f64) {
         self.variance.add((variance / self.variance_unit()) as u64);
     }
 
@@ -231,7 +231,8 @@ impl<T: Real, C: Columns<T>> Mask<Irradiance<T, C>> for Visibility<'_> {
             xs,
             ys,
             visibility: self,
-            candidates: Shaft::new(xs, ys).candidates(self.occluders),
+            candidates: Shaft::new(xs, ys).candidates(self.occluders, MOST_CANDIDATES),
+            last: None,
             count,
             facing: 0,
             visible: 0,
@@ -254,142 +255,6 @@ impl<T: Real, C: Columns<T>> Mask<Irradiance<T, C>> for Visibility<'_> {
         let mirrored = targets == sources;
         self.mirrored.store(mirrored, Ordering::Relaxed);
         mirrored
-    }
-}
-
-/// Two leaves whose pairs are being asked about.
-struct Asked<'a, T: Real> {
-    xs: &'a [Surfel<T>],
-    ys: &'a [Surfel<T>],
-    visibility: &'a Visibility<'a>,
-    /// The facets that may hide any of the pairs; what hid the last one first.
-    candidates: Vec<Facet>,
-    count: &'a mut dyn FnMut(usize, usize),
-    facing: u64,
-    visible: u64,
-    rays: u64,
-}
-
-/// Groups of so few pairs are not worth a look at what they exchange.
-const FEW_PAIRS: usize = 32;
-
-impl<T: Real> Asked<'_, T> {
-    /// By one ray per pair.
-    fn one_by_one(&mut self, rows: Range<usize>, columns: Range<usize>) {
-        for i in rows {
-            for j in columns.clone() {
-                if Projections::new(&self.xs[i], &self.ys[j]).facing() {
-                    let sees = self.sees(i, j);
-                    self.answer(i, j, sees);
-                }
-            }
-        }
-    }
-
-    /// By samples for two groups that exchange little: all at once if the samples agree, else row by row
-    /// or column by column if they differ that way only.
-    fn groups(&mut self, sampling: &Sampling, rows: Range<usize>, columns: Range<usize>) {
-        if rows.len() * columns.len() <= FEW_PAIRS {
-            return self.one_by_one(rows, columns);
-        }
-        let (x, y) = (&self.xs[rows.clone()], &self.ys[columns.clone()]);
-        let strength = sampling.strength(x, y);
-        if !sampling.accepts(&strength) {
-            return self.halves(sampling, rows, columns);
-        }
-        let key = mixed(((rows.start as u64) << 32) | columns.start as u64);
-        let (i, j) = (rows.start, columns.start);
-        let seen = Seen::of(x.len(), y.len(), key, |k, l| self.sees(i + k, j + l));
-        let both = if self.visibility.mirrored.load(Ordering::Relaxed) { 1.0 } else { 0.5 };
-        self.visibility.add_variance(both * strength.variance(seen.count()) / RAYS as f64);
-        if let 0 | RAYS = seen.count() {
-            self.answer_all(rows, columns, seen.count() > 0);
-        } else if seen.columns_agree() {
-            let sample =
-                |i: usize| columns.start + (mixed(key ^ i as u64) as usize) % columns.len();
-            for i in rows {
-                let sees = self.sees(i, sample(i));
-                self.answer_all(i..i + 1, columns.clone(), sees);
-            }
-        } else if seen.rows_agree() {
-            let sample = |j: usize| rows.start + (mixed(key ^ j as u64) as usize) % rows.len();
-            for j in columns {
-                let sees = self.sees(sample(j), j);
-                self.answer_all(rows.clone(), j..j + 1, sees);
-            }
-        } else {
-            self.halves(sampling, rows, columns);
-        }
-    }
-
-    /// Halves of the larger of two groups. Points of a leaf stand along a space-filling curve: halves are
-    /// compact.
-    fn halves(&mut self, sampling: &Sampling, rows: Range<usize>, columns: Range<usize>) {
-        let middle = |range: &Range<usize>| range.start + range.len() / 2;
-        if rows.len() >= columns.len() {
-            let middle = middle(&rows);
-            self.groups(sampling, rows.start..middle, columns.clone());
-            self.groups(sampling, middle..rows.end, columns);
-        } else {
-            let middle = middle(&columns);
-            self.groups(sampling, rows.clone(), columns.start..middle);
-            self.groups(sampling, rows, middle..columns.end);
-        }
-    }
-
-    /// The same answer for all pairs that face each other.
-    fn answer_all(&mut self, rows: Range<usize>, columns: Range<usize>, sees: bool) {
-        for i in rows {
-            for j in columns.clone() {
-                if Projections::new(&self.xs[i], &self.ys[j]).facing() {
-                    self.answer(i, j, sees);
-                }
-            }
-        }
-    }
-
-    fn sees(&mut self, i: usize, j: usize) -> bool {
-        let (x, y) = (&self.xs[i], &self.ys[j]);
-        let (from, to) = ordered(position(x), position(y));
-        let margin = self.visibility.occluders.margin();
-        self.rays += 1;
-        let blocks = |facet: &Facet| facet.blocks(from, to, [x.face, y.face], margin);
-        match self.candidates.iter().position(blocks) {
-            // What hides one pair is likely to hide the next.
-            Some(k) => {
-                self.candidates.swap(0, k);
-                false
-            }
-            None => true,
-        }
-    }
-
-    fn answer(&mut self, i: usize, j: usize, sees: bool) {
-        self.facing += 1;
-        if sees {
-            self.visible += 1;
-            (self.count)(i, j);
-        }
-    }
-}
-
-/// A counter that many threads can add to at full speed: each to a cache line of its own.
-#[derive(Debug, Default)]
-struct Tally([Lane; 16]);
-
-/// One cache line of a [`Tally`].
-#[derive(Debug, Default)]
-#[repr(align(128))]
-struct Lane(AtomicU64);
-
-impl Tally {
-    fn add(&self, n: u64) {
-        let lane = rayon::current_thread_index().unwrap_or(0) % self.0.len();
-        self.0[lane].0.fetch_add(n, Ordering::Relaxed);
-    }
-
-    fn total(&self) -> u64 {
-        self.0.iter().map(|lane| lane.0.load(Ordering::Relaxed)).sum()
     }
 }
 
