@@ -16,7 +16,7 @@ use crate::surfel::{Surfel, check_surfels};
 /// centroids, V whether these see each other. C is symmetric, bit for bit: with it an exchange stays as
 /// reciprocal as the sum that it corrects.
 ///
-/// By distance, pairs of patches are taken exactly ([`Patch::exchange`]), by Gauss's rules of 3 × 3 or
+/// By distance, pairs of patches are taken exactly ([`Patch::exchange`](crate::Patch::exchange)), by Gauss's rules of 3 × 3 or
 /// 2 × 2 points on both, or left to the sum over centroids: whichever is the first to be off by less
 /// than the tolerance. With disks, the kernel's πr² becomes πr² + A, A the larger of the two areas: a
 /// disk then receives A/(πr² + A) of what a point before its centre sends, as it does, and none
