@@ -247,3 +247,98 @@ fn a_mask_that_never_certifies_is_slow_but_right() {
     assert_eq!(fmm.stats().direct_pairs, 700 * 699 / 2);
     assert!(relative_l2_error(&fmm.apply(&charges).unwrap(), &exact) < 1e-13);
 }
+
+/// Well-separated cells of one level count by eighths, all other pairs in full.
+struct Weighed(u8);
+
+impl<K: Kernel<Real = f64>> Mask<K> for Weighed {
+    fn cells(&self, t: CellView<'_, K::Target>, s: CellView<'_, K::Source>) -> Coverage {
+        if t.cell.level() != s.cell.level() || !t.cell.well_separated(s.cell) {
+            return Coverage::Partial;
+        }
+        match self.0 {
+            0 => Coverage::Empty,
+            8 => Coverage::Full,
+            eighths => Coverage::Eighths(eighths),
+        }
+    }
+    fn pair(&self, _: &K::Target, _: &K::Source) -> bool {
+        true
+    }
+}
+
+#[test]
+fn eighths_weigh_what_expansions_carry() {
+    let points = clouds::cube(3000, 1);
+    let charges = clouds::charges(3000, 2);
+    // One kernel with operators by offset, one whose M2L goes through the kernel itself.
+    let inverse = farfield::from_fn(|x: DVec3, y: DVec3| 1.0 / x.distance(y)).skip_coincident();
+    let drifting = farfield::from_fn(|x: DVec3, y: DVec3| (1.0 + x.x) / (1.0 + x.distance(y)));
+    fn sums<
+        K: farfield::PointKernel<
+                Real = f64,
+                Source = DVec3,
+                Target = DVec3,
+                Charge = f64,
+                Value = f64,
+            > + Copy
+            + 'static,
+    >(
+        kernel: K,
+        points: &[DVec3],
+        charges: &[f64],
+    ) {
+        let sum = |eighths: u8| {
+            let plan = Fmm::builder(kernel).tolerance(1e-6).mask(Weighed(eighths)).leaf_size(10);
+            let fmm = plan.build(points, points).unwrap();
+            assert_eq!(fmm.stats().cell_pairs[0] > 0, eighths > 0);
+            fmm.apply(charges).unwrap()
+        };
+        let (near, all) = (sum(0), sum(8));
+        assert!(relative_l2_error(&near, &all) > 0.01);
+        for eighths in [1, 3, 7] {
+            let weight = f64::from(eighths) / 8.0;
+            let mix = |(n, a): (&f64, &f64)| n + weight * (a - n);
+            let expected: Vec<f64> = near.iter().zip(&all).map(mix).collect();
+            assert!(relative_l2_error(&sum(eighths), &expected) < 1e-9);
+        }
+    }
+    sums(inverse, &points, &charges);
+    sums(drifting, &points, &charges);
+}
+
+/// Whether the sum of two positions lies on one side of a plane: the same from either end.
+struct Symmetric {
+    mirrored: bool,
+    asked: std::sync::atomic::AtomicUsize,
+}
+
+impl Mask<farfield::FnKernel<fn(DVec3, DVec3) -> f64, DVec3, f64>> for Symmetric {
+    fn cells(&self, _: CellView<'_, DVec3>, _: CellView<'_, DVec3>) -> Coverage {
+        Coverage::Partial
+    }
+    fn pair(&self, x: &DVec3, y: &DVec3) -> bool {
+        self.asked.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+        (*x + *y).x > 0.3
+    }
+    fn is_mirrored(&self, _: &[DVec3], _: &[DVec3]) -> bool {
+        self.mirrored
+    }
+}
+
+#[test]
+fn mirrored_pairs_are_asked_for_once_and_count_twice() {
+    let points = clouds::plummer(900, 1);
+    let charges = clouds::charges(900, 2);
+    let distance: fn(DVec3, DVec3) -> f64 = |x, y| (x - y).length();
+    let kernel = farfield::from_fn(distance);
+    let sum = |mirrored| {
+        let mask = Symmetric { mirrored, asked: Default::default() };
+        let fmm = Fmm::builder(kernel).mask(&mask).leaf_size(13).build(&points, &points).unwrap();
+        (fmm.apply(&charges).unwrap(), mask.asked.into_inner())
+    };
+    let ((whole, all), (halved, asked)) = (sum(false), sum(true));
+    assert_eq!(whole, halved);
+    assert_eq!(all, 900 * 900);
+    assert!(asked < all * 11 / 20, "{asked}");
+}
