@@ -198,7 +198,7 @@ impl<'a, const BANDS: usize> RadiosityOperator<'a, BANDS> {
 }
 
 /// Rows that sum to 1 within this are closed.
-const CLOSED: f64 = 1e-4;
+const CLOSED: f64 = 1e-6;
 
 impl<const BANDS: usize> std::fmt::Debug for RadiosityOperator<'_, BANDS> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
