@@ -32,7 +32,7 @@ impl Check {
         gathered: &[[f64; BANDS]],
         samples: usize,
     ) -> Self {
-        let Exchange { surfels, operator, corrections, .. } = exchange;
+        let Exchange { surfels, operator, .. } = exchange;
         let kernel = Irradiance::<f64, [f64; BANDS]>::clamped();
         let sample = spread(surfels.len(), samples);
         let extrapolated = |start: Instant| {
@@ -53,7 +53,7 @@ impl Check {
         let scaled: Vec<[f64; BANDS]> =
             radiosity.iter().enumerate().map(|(j, b)| b.map(|b| operator.scaling(j) * b)).collect();
         let mut near = vec![[0.0; BANDS]; surfels.len()];
-        corrections.add(&scaled, &mut near);
+        operator.corrections().add(&scaled, &mut near);
         let sum = |(&i, seen): (&usize, &Vec<usize>)| {
             let mut sum = near[i];
             for &j in seen {
@@ -105,16 +105,10 @@ mod tests {
         let kernel = Irradiance::<f64, [f64; 1]>::clamped();
         let corrections = Corrections::new(&mesh.elements, &occluders, 1e-2).expect("finite");
         let sum = |b: &[[f64; 1]]| Ok(direct_masked(&kernel, &visibility, &surfels, b, &surfels));
-        let operator =
-            RadiosityOperator::new(&mesh.elements, sum, corrections.clone()).expect("one each");
+        let operator = RadiosityOperator::new(&mesh.elements, sum, corrections).expect("one each");
         let radiosity: Vec<[f64; 1]> = (0..surfels.len()).map(|i| [(i % 5) as f64]).collect();
         let exact = operator.apply(&radiosity).expect("applied");
-        let exchange = Exchange {
-            surfels: &surfels,
-            operator: &operator,
-            corrections: &corrections,
-            visibility: &visibility,
-        };
+        let exchange = Exchange { surfels: &surfels, operator: &operator, visibility: &visibility };
         let check =
             |gathered: &[[f64; 1]]| Check::new(&exchange, &visibility, &radiosity, gathered, 100);
         assert_eq!(check(&exact).sampled, 100);

@@ -56,7 +56,7 @@ fn row<const BANDS: usize>(exchange: &Exchange<'_, BANDS>, i: usize, cut: f64) -
         }
     }
     // C is symmetric: its column by i, per unit area of the other, is its row.
-    for (j, value) in exchange.corrections.column(i) {
+    for (j, value) in exchange.operator.corrections().column(i) {
         let value = value * exchange.surfels[j].area / receiver.area;
         match factors.binary_search_by_key(&j, |entry| entry.0) {
             Ok(place) => factors[place].1 += value,

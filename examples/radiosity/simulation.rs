@@ -130,8 +130,7 @@ impl Run<'_> {
         drop(bar);
 
         let bar = progress.spinner("closing");
-        let mut operator =
-            RadiosityOperator::new(elements, |b| gather.apply(b), corrections.clone())?;
+        let mut operator = RadiosityOperator::new(elements, |b| gather.apply(b), corrections)?;
         let row_sums = operator.row_sums()?;
         let enclosure = if scene.closed { Enclosure::Closed } else { Enclosure::Open };
         let closure = match args.visibility {
@@ -144,12 +143,7 @@ impl Run<'_> {
         drop(bar);
 
         let pairwise = Visibility::new(shadows);
-        let exchange = Exchange {
-            surfels: &surfels,
-            operator: &operator,
-            corrections: &corrections,
-            visibility: &pairwise,
-        };
+        let exchange = Exchange { surfels: &surfels, operator: &operator, visibility: &pairwise };
         let count = elements.len();
         let zeros = || vec![0.0; count * bands];
         let mut fields = Fields {
@@ -173,15 +167,12 @@ impl Run<'_> {
                     fields.irradiance[i * bands + k] = solution.irradiance[i][k - first];
                 }
             }
-            if first == 0 || error > 0.0 {
-                let bar = progress.spinner("checking");
-                let gathered = operator.apply(&solution.radiosity)?;
-                let radiosity = &solution.radiosity;
-                let found = Check::new(&exchange, &pairwise, radiosity, &gathered, SAMPLES);
-                error = error.max(found.relative_l2_error);
-                check.get_or_insert(found);
-                drop(bar);
-            }
+            let _bar = progress.spinner("checking");
+            let gathered = operator.apply(&solution.radiosity)?;
+            let radiosity = &solution.radiosity;
+            let found = Check::new(&exchange, &pairwise, radiosity, &gathered, SAMPLES);
+            error = error.max(found.relative_l2_error);
+            check.get_or_insert(found);
         }
         let refinement = refined(&fields);
         if !last && refinement.error > tolerance && count < args.element_count() * 9 / 10 {

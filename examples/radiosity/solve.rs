@@ -4,8 +4,8 @@ use std::convert::Infallible;
 
 use farfield::Mask;
 use farfield_radiosity::{
-    Corrections, Error, Irradiance, RadiosityOperator, Solution, Stop, Surfel, Visibility,
-    bicgstab, conjugate_gradients, jacobi, southwell,
+    Error, Irradiance, RadiosityOperator, Solution, Stop, Surfel, Visibility, bicgstab,
+    conjugate_gradients, jacobi, southwell,
 };
 use rayon::prelude::*;
 
@@ -24,8 +24,6 @@ pub(crate) struct Exchange<'a, const BANDS: usize> {
     pub(crate) surfels: &'a [Surfel],
     /// From all radiosities to all irradiances.
     pub(crate) operator: &'a RadiosityOperator<'a, BANDS>,
-    /// What it adds to a sum over centroids.
-    pub(crate) corrections: &'a Corrections,
     /// Which elements see each other, pair by pair.
     pub(crate) visibility: &'a Visibility<'a>,
 }
@@ -71,7 +69,7 @@ impl<const BANDS: usize> Exchange<'_, BANDS> {
             if seen { kernel.factor(receiver, source) * source.area } else { 0.0 }
         };
         let mut column: Vec<f64> = self.surfels.par_iter().with_min_len(256).map(factor).collect();
-        for (j, value) in self.corrections.column(i) {
+        for (j, value) in self.operator.corrections().column(i) {
             column[j] += value;
         }
         let scale = self.operator.scaling(i);
@@ -89,7 +87,7 @@ mod tests {
     use crate::generators::generate;
     use crate::mesh::Mesh;
     use farfield::{direct_masked, relative_l2_error};
-    use farfield_radiosity::{Enclosure, Occluders};
+    use farfield_radiosity::{Corrections, Enclosure, Occluders};
 
     #[test]
     fn all_solvers_agree_and_leave_the_second_room_dark() {
@@ -102,14 +100,9 @@ mod tests {
         let kernel = Irradiance::<f64, [f64; 3]>::clamped();
         let sum = |b: &[[f64; 3]]| Ok(direct_masked(&kernel, &visibility, &surfels, b, &surfels));
         let mut operator =
-            RadiosityOperator::new(&mesh.elements, sum, corrections.clone()).expect("one each");
+            RadiosityOperator::new(&mesh.elements, sum, corrections).expect("one each");
         operator.close(Enclosure::Closed, 0.5).expect("closed");
-        let exchange = Exchange {
-            surfels: &surfels,
-            operator: &operator,
-            corrections: &corrections,
-            visibility: &visibility,
-        };
+        let exchange = Exchange { surfels: &surfels, operator: &operator, visibility: &visibility };
         let surfaces = Surfaces::<3>::new(&scene, &mesh, QuantityName::Light, 3, 0);
         let solved =
             [SolverName::Cg, SolverName::Jacobi, SolverName::Bicgstab, SolverName::Southwell].map(

@@ -1,6 +1,8 @@
 //! From the radiosity of all elements to their irradiance: a fast sum over centroids, what near
 //! elements change in it, and what closes it.
 
+use std::borrow::Cow;
+
 use crate::corrections::Corrections;
 use crate::element::Element;
 use crate::error::Error;
@@ -86,10 +88,10 @@ impl<'a, const BANDS: usize> RadiosityOperator<'a, BANDS> {
         let mut irradiance = (self.sum)(&scaled)?;
         check_length("irradiance", irradiance.len(), self.areas.len())?;
         self.corrections.add(&scaled, &mut irradiance);
-        Ok(match self.scaling.is_empty() {
-            true => irradiance,
-            false => self.scaled(&irradiance),
-        })
+        for (h, d) in irradiance.iter_mut().zip(&self.scaling) {
+            *h = h.map(|h| d * h);
+        }
+        Ok(irradiance)
     }
 
     /// The share of each element's light that arrives at others, Σ_j F_ij: its irradiance when all
@@ -164,6 +166,11 @@ impl<'a, const BANDS: usize> RadiosityOperator<'a, BANDS> {
         }
     }
 
+    /// What it adds to the sum over centroids.
+    pub fn corrections(&self) -> &Corrections {
+        &self.corrections
+    }
+
     /// The factor d_j by which an element's radiosity counts, and its irradiance.
     pub fn scaling(&self, j: usize) -> f64 {
         self.scaling.get(j).copied().unwrap_or(1.0)
@@ -191,9 +198,12 @@ impl<'a, const BANDS: usize> RadiosityOperator<'a, BANDS> {
         Ok(d)
     }
 
-    fn scaled(&self, columns: &[[f64; BANDS]]) -> Vec<[f64; BANDS]> {
-        let scaled = |(i, column): (usize, &[f64; BANDS])| column.map(|c| self.scaling(i) * c);
-        columns.iter().enumerate().map(scaled).collect()
+    /// D B
+    fn scaled<'b>(&self, radiosity: &'b [[f64; BANDS]]) -> Cow<'b, [[f64; BANDS]]> {
+        if self.scaling.is_empty() {
+            return Cow::Borrowed(radiosity);
+        }
+        radiosity.iter().zip(&self.scaling).map(|(b, d)| b.map(|b| d * b)).collect()
     }
 }
 

@@ -20,7 +20,7 @@ use crate::tally::Tally;
 ///
 /// Between cells that certainly face each other, a shaft of the occluders' hierarchy certifies that
 /// all pairs see each other, a single convex wall that none do. Elsewhere the pairs are asked for one by
-/// one, down to the leaves: Θ(N^1.5) rays in all. A [`fractional`](Self::fractional) mask asks for O(N).
+/// one, down to the leaves: Θ(N^1.5) rays in all. A [`fractional`](Self::fractional) mask takes fewer.
 #[derive(Debug)]
 pub struct Visibility<'a> {
     pub(crate) occluders: &'a Occluders,
@@ -79,9 +79,10 @@ impl<'a> Visibility<'a> {
     }
 
     /// Takes visibility by samples where that adds no more than about `tolerance` to the relative l2
-    /// error of irradiances: cells of which one gives the other little light are weighed by the share of
-    /// eight rays that pass ([`Coverage::Eighths`]); within pairs of leaves, one ray stands for all pairs
-    /// of two groups that exchange an eighth of that.
+    /// error of irradiances: cells of which one gives the other little light, and whose points see about
+    /// the same share of each other, are weighed by the share of 16 rays that pass
+    /// ([`Coverage::Eighths`]). So are groups within pairs of leaves: all pairs alike if the rays agree,
+    /// else row by row or column by column, else in halves.
     ///
     /// `brightness` says how much brighter than the mean radiosity the surfels of a face may be, face by
     /// face, and may be short or empty: lamps need it, whose light would otherwise be taken for little.
@@ -111,7 +112,8 @@ impl<'a> Visibility<'a> {
 
     /// The standard error that samples bring to irradiances, relative to surfels in an enclosure of even
     /// radiosity: the root of the summed variances of all samples over the `area` of all surfels. 0 if
-    /// every pair was asked for.
+    /// every pair was asked for. Samples count as independent, which those of one cell are not: errors of
+    /// two to five times as much were seen.
     pub fn uncertainty(&self, area: f64) -> f64 {
         (self.variance.total() as f64 * self.variance_unit() / area).sqrt()
     }
