@@ -7,6 +7,7 @@ use farfield::Real;
 
 use crate::facet::{Facet, ordered};
 use crate::operator::mixed;
+use crate::packet::AllPairs;
 use crate::sampling::{RAYS, Sampling, Seen};
 use crate::shaft::position;
 use crate::surfel::{Projections, Surfel};
@@ -36,14 +37,13 @@ const FEW_PAIRS: usize = 32;
 impl<T: Real> Asked<'_, T> {
     /// By one ray per pair.
     pub(crate) fn one_by_one(&mut self, rows: Range<usize>, columns: Range<usize>) {
-        for i in rows {
-            for j in columns.clone() {
-                if Projections::new(&self.xs[i], &self.ys[j]).facing() {
-                    let sees = self.sees(i, j);
-                    self.answer(i, j, sees);
-                }
-            }
-        }
+        let (xs, ys) = (&self.xs[rows.clone()], &self.ys[columns.clone()]);
+        let occluders = self.visibility.occluders;
+        let mut answer = |i: usize, j: usize, sees| {
+            self.rays += 1;
+            self.answer(rows.start + i, columns.start + j, sees);
+        };
+        AllPairs { occluders, xs, ys, answer: &mut answer }.run();
     }
 
     /// By samples for two groups that exchange little: all at once if the samples agree, else row by row

@@ -32,6 +32,7 @@ pub struct Hit {
 pub struct Occluders {
     margin: f64,
     nodes: Vec<Node>,
+    boxes: Boxes,
     facets: Vec<Facet>,
     walls: HashMap<u32, Wall>,
 }
@@ -57,7 +58,7 @@ const BINS: usize = 16;
 const HALVING_DEPTH: usize = 32;
 
 /// A bound on the depth: each halving of fewer than 2³² triangles takes one level.
-const MAX_DEPTH: usize = HALVING_DEPTH + 32;
+pub(crate) const MAX_DEPTH: usize = HALVING_DEPTH + 32;
 
 impl Occluders {
     /// Builds the hierarchy, by the surface-area heuristic.
@@ -88,7 +89,7 @@ impl Occluders {
             build(&mut nodes, &mut facets, 0, margin, 0);
         }
         let walls = walls(&facets);
-        Ok(Self { margin, nodes, facets, walls })
+        Ok(Self { margin, boxes: Boxes::new(&nodes), nodes, facets, walls })
     }
 
     /// How far beyond a triangle's plane a point must lie to count as behind it: a billionth of the
@@ -138,6 +139,17 @@ impl Occluders {
         hit
     }
 
+    /// The nodes in single precision.
+    pub(crate) fn boxes(&self) -> &Boxes {
+        &self.boxes
+    }
+
+    /// The facets of a leaf.
+    #[inline(always)]
+    pub(crate) fn facets_of(&self, leaf: &SmallNode) -> &[Facet] {
+        &self.facets[leaf.first as usize..][..leaf.count as usize]
+    }
+
     /// The face of this number, if it is a convex polygon.
     pub(crate) fn wall(&self, face: u32) -> Option<&Wall> {
         self.walls.get(&face)
@@ -173,6 +185,44 @@ impl Occluders {
             }
         }
         None
+    }
+}
+
+/// The nodes of [`Occluders`] in single precision, around the centre of all.
+#[derive(Clone, Debug)]
+pub(crate) struct Boxes {
+    pub(crate) centre: DVec3,
+    /// A bound on all coordinates.
+    pub(crate) reach: f64,
+    pub(crate) nodes: Vec<SmallNode>,
+}
+
+/// A node in the order of the others. Its box may be too small by rounding.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct SmallNode {
+    pub(crate) low: [f32; 3],
+    pub(crate) high: [f32; 3],
+    /// As in [`Node`].
+    pub(crate) first: u32,
+    pub(crate) count: u32,
+}
+
+impl Boxes {
+    fn new(nodes: &[Node]) -> Self {
+        let Some(Node { bounds: Bounds { low, high }, .. }) = nodes.first() else {
+            return Self { centre: DVec3::ZERO, reach: 0.0, nodes: Vec::new() };
+        };
+        let (low, high) = (DVec3::from_array(*low), DVec3::from_array(*high));
+        let centre = low.midpoint(high);
+        let around = |p: [f64; 3]| (DVec3::from_array(p) - centre).to_array().map(|c| c as f32);
+        let small = |&Node { bounds, first, count }: &Node| SmallNode {
+            low: around(bounds.low),
+            high: around(bounds.high),
+            first,
+            count,
+        };
+        let reach = (high - low).max_element();
+        Self { centre, reach, nodes: nodes.iter().map(small).collect() }
     }
 }
 

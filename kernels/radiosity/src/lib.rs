@@ -42,6 +42,7 @@ mod kernel;
 mod near_field;
 mod neighbours;
 mod operator;
+mod packet;
 mod patch;
 mod quadrature;
 mod sampling;

@@ -129,10 +129,10 @@ impl<'a, T: Real> Shaft<'a, T> {
             [low, Plane { normal: axis, offset: self.hull.high[k] }]
         });
         let planes = sides.chain(self.edges.iter().copied());
-        let mut polygon = facet.vertices.to_vec();
+        let mut polygon = Polygon::from(facet.vertices);
         for Plane { normal, offset } in planes {
-            polygon = clip(&polygon, normal, offset + margin);
-            if polygon.is_empty() {
+            polygon.clip(normal, offset + margin);
+            if polygon.count == 0 {
                 return false;
             }
         }
@@ -168,21 +168,45 @@ fn edge_planes(a: &Bounds<f64>, b: &Bounds<f64>, slack: f64) -> Vec<Plane> {
     planes
 }
 
-/// What is left of a convex polygon in the half-space normal·x ≤ offset (Sutherland and Hodgman 1974).
-fn clip(polygon: &[DVec3], normal: DVec3, offset: f64) -> Vec<DVec3> {
-    let mut inside = Vec::with_capacity(polygon.len() + 1);
-    let excess = |p: DVec3| normal.dot(p) - offset;
-    for (k, &p) in polygon.iter().enumerate() {
-        let next = polygon[(k + 1) % polygon.len()];
-        let (here, there) = (excess(p), excess(next));
-        if here <= 0.0 {
-            inside.push(p);
+/// A convex polygon. Each of the 18 planes of a shaft adds one corner at most.
+struct Polygon {
+    corners: [DVec3; 3 + 18],
+    count: usize,
+}
+
+impl From<[DVec3; 3]> for Polygon {
+    fn from(vertices: [DVec3; 3]) -> Self {
+        let mut corners = [DVec3::ZERO; 21];
+        corners[..3].copy_from_slice(&vertices);
+        Self { corners, count: 3 }
+    }
+}
+
+impl Polygon {
+    /// Leaves what lies in the half-space normal·x ≤ offset (Sutherland and Hodgman 1974).
+    fn clip(&mut self, normal: DVec3, offset: f64) {
+        let excess = |p: DVec3| normal.dot(p) - offset;
+        let Self { corners, count } = *self;
+        let corners = &corners[..count];
+        if corners.iter().all(|&p| excess(p) <= 0.0) {
+            return;
         }
-        if (here < 0.0 && there > 0.0) || (here > 0.0 && there < 0.0) {
-            inside.push(p + (next - p) * (here / (here - there)));
+        self.count = 0;
+        let mut keep = |p| {
+            self.corners[self.count] = p;
+            self.count += 1;
+        };
+        for (k, &p) in corners.iter().enumerate() {
+            let next = corners[(k + 1) % count];
+            let (here, there) = (excess(p), excess(next));
+            if here <= 0.0 {
+                keep(p);
+            }
+            if (here < 0.0 && there > 0.0) || (here > 0.0 && there < 0.0) {
+                keep(p + (next - p) * (here / (here - there)));
+            }
         }
     }
-    inside
 }
 
 /// The face that all surfels lie on, if it is one and the same.

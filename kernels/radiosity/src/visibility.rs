@@ -233,7 +233,7 @@ impl<T: Real, C: Columns<T>> Mask<Irradiance<T, C>> for Visibility<'_> {
             xs,
             ys,
             visibility: self,
-            candidates: Shaft::new(xs, ys).candidates(self.occluders, MOST_CANDIDATES),
+            candidates: None,
             last: None,
             count,
             facing: 0,
@@ -242,7 +242,10 @@ impl<T: Real, C: Columns<T>> Mask<Irradiance<T, C>> for Visibility<'_> {
         };
         match &self.sampling {
             // Both halves of a cell with itself have to come out alike.
-            Some(sampling) if !same => asked.groups(sampling, 0..xs.len(), 0..ys.len()),
+            Some(sampling) if !same => {
+                asked.candidates = Shaft::new(xs, ys).candidates(self.occluders, MOST_CANDIDATES);
+                asked.groups(sampling, 0..xs.len(), 0..ys.len());
+            }
             _ => asked.one_by_one(0..xs.len(), 0..ys.len()),
         }
         let Asked { facing, visible, rays, .. } = asked;
