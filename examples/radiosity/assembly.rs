@@ -130,7 +130,10 @@ impl<'a> Assembly<'a> {
         self.faces = part.surfaces.iter().map(|s| s.face + 1).max().unwrap_or(self.faces);
         self.scene.surfaces.append(&mut part.surfaces);
         self.scene.points.append(&mut part.points);
-        let repairs = part.repairs.iter().map(|repair| format!("{}: {repair}", mesh.file));
+        // A description's material takes the place of what the file lacks.
+        let kept = |repair: &&String| mesh.material.is_none() || !repair.contains("material");
+        let kept = part.repairs.iter().filter(kept);
+        let repairs = kept.map(|repair| format!("{}: {repair}", mesh.file));
         self.scene.repairs.extend(repairs);
         Ok(())
     }

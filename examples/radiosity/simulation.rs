@@ -29,7 +29,7 @@ use crate::surfaces::Surfaces;
 const SAMPLES: usize = 1000;
 /// The most that a form factor may have to change for a row to sum to 1.
 const MOST_CLOSURE: f64 = 0.5;
-/// Elements of the first mesh where the tolerance decides, and meshes at most.
+/// Elements of the first mesh beyond one per surface where the tolerance decides; meshes at most.
 const FIRST_ELEMENTS: usize = 2000;
 const MOST_MESHES: usize = 6;
 /// The least form factor that a table lists, in units of the tolerance.
@@ -54,7 +54,7 @@ pub(crate) fn run<const BANDS: usize>(
     let progress = Progress::new(args.quiet);
     let tolerance = args.sum_tolerance();
     let first = match args.is_adaptive() {
-        true => FIRST_ELEMENTS.min(args.element_count()),
+        true => (scene.surfaces.len() + FIRST_ELEMENTS).min(args.element_count()),
         false => args.element_count(),
     };
     let mut cuts = even_cuts(scene, first)?;

@@ -3,6 +3,7 @@
 use std::f64::consts::FRAC_1_PI;
 
 use crate::bvh::Occluders;
+use crate::contour::Care;
 use crate::element::Element;
 use crate::patch::Patch;
 use crate::quadrature::{Rule, exchange};
@@ -21,6 +22,10 @@ const PAIR_SHARE: f64 = 4.0;
 /// The share of the tolerance that all that is left out of a row may add up to: a row has some
 /// 1/tolerance entries.
 const NEGLIGIBLE: f64 = 0.02;
+
+/// Of the squared tolerance, what contour integrals may be off by, in units of the squared distance or
+/// edge: less than the least form factor that counts.
+const CONTOUR_ERROR: f64 = 1e-3;
 
 /// A_i F_ij of two elements: the exchange of their whole areas, as if nothing were in between. A pair
 /// of patches by their exact contour integral, with a disk as [`Corrections`](crate::Corrections) says.
@@ -45,12 +50,14 @@ pub(crate) struct Pair<'a> {
     elements: &'a [Element],
     occluders: &'a Occluders,
     tolerance: f64,
+    care: Care,
 }
 
 impl<'a> Pair<'a> {
     /// Those of which the sum may be off by `tolerance`.
     pub(crate) fn new(elements: &'a [Element], occluders: &'a Occluders, tolerance: f64) -> Self {
-        Self { elements, occluders, tolerance: PAIR_SHARE * tolerance }
+        let care = Care::within(CONTOUR_ERROR * tolerance.powi(2));
+        Self { elements, occluders, tolerance: PAIR_SHARE * tolerance, care }
     }
 
     /// Pairs with x < 1/κ need no correction.
@@ -62,18 +69,23 @@ impl<'a> Pair<'a> {
     pub(crate) fn correction(&self, i: usize, j: usize) -> Option<(f64, Zone)> {
         let [a, b] = [i, j].map(|k| &self.elements[k]);
         let (x, y) = (a.surfel(), b.surfel());
+        let sees = || !self.occluders.blocked(x.position, y.position, [x.face, y.face]);
         let (value, zone) = match (a.as_patch(), b.as_patch()) {
-            (Some(a), Some(b)) => self.of_patches(a, b, x, y)?,
+            (Some(a), Some(b)) => match self.zone(a, b, x, y)? {
+                Zone::Two => (exchange(a, b, Rule::Two), Zone::Two),
+                Zone::Three => (exchange(a, b, Rule::Three), Zone::Three),
+                // A contour integral takes much longer than a ray.
+                zone => (sees().then(|| a.exchange_with(b, self.care))?, zone),
+            },
             _ => (disk_exchange(x, y), Zone::Disk),
         };
         let difference = value - centroid_exchange(x, y);
         let least = NEGLIGIBLE * self.tolerance.powi(2) * x.area.min(y.area);
-        let counts = difference.abs() > least;
-        let sees = || !self.occluders.blocked(x.position, y.position, [x.face, y.face]);
-        (counts && sees()).then_some((difference, zone))
+        (difference.abs() > least && sees()).then_some((difference, zone))
     }
 
-    fn of_patches(&self, a: &Patch, b: &Patch, x: &Surfel, y: &Surfel) -> Option<(f64, Zone)> {
+    /// How to take two patches; none if centroids do, or they exchange too little to matter.
+    fn zone(&self, a: &Patch, b: &Patch, x: &Surfel, y: &Surfel) -> Option<Zone> {
         let height = |patch: &Patch, plane: &Patch| {
             let above = |corner: &glam::DVec3| plane.normal().dot(*corner - plane.corners()[0]);
             let heights = patch.corners().iter().map(above);
@@ -101,11 +113,11 @@ impl<'a> Pair<'a> {
         }
         let whole = low_a >= -flat && low_b >= -flat;
         if whole && TWO_ERROR * ratio.powi(2) <= self.tolerance {
-            Some((exchange(a, b, Rule::Two), Zone::Two))
+            Some(Zone::Two)
         } else if whole && THREE_ERROR * ratio.powi(3) <= self.tolerance {
-            Some((exchange(a, b, Rule::Three), Zone::Three))
+            Some(Zone::Three)
         } else {
-            Some((a.exchange(b), Zone::Exact))
+            Some(Zone::Exact)
         }
     }
 }

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use glam::DVec3;
 
-use crate::contour::contour_integral;
+use crate::contour::{Care, contour_integral};
 use crate::cut::{Cut, edges, mean};
 use crate::error::Error;
 
@@ -144,6 +144,11 @@ impl Patch {
     /// (Sparrow, "A new and simpler formulation for radiative angle factors", J. Heat Transfer 85,
     /// 1963).
     pub fn exchange(&self, other: &Self) -> f64 {
+        self.exchange_with(other, Care::full())
+    }
+
+    /// [`exchange`](Self::exchange), with some care.
+    pub(crate) fn exchange_with(&self, other: &Self, care: Care) -> f64 {
         let own = Cut::new(self.corners(), other.corners[0], other.normal);
         let theirs = Cut::new(other.corners(), self.corners[0], self.normal);
         let (own, theirs) = (own.corners(), theirs.corners());
@@ -160,7 +165,7 @@ impl Patch {
         for (a, b) in edges(own) {
             for (c, d) in edges(theirs) {
                 let [a, b, c, d] = [a, b, c, d].map(|corner| (corner - from) / unit);
-                sum += contour_integral([a, b], [c, d]);
+                sum += contour_integral([a, b], [c, d], care);
             }
         }
         (sum / TAU * unit * unit).clamp(0.0, self.area.min(other.area))
