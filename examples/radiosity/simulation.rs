@@ -266,6 +266,7 @@ impl Run<'_> {
             element_error: refinement.error,
         };
         let mut report = self.report(&figures);
+        report.repairs.extend(picture.repair.clone());
         report.files = self.write(output, &picture, &fields)?;
         report.phases = progress.seconds();
         output.json("report.json", &report)?;
@@ -369,10 +370,12 @@ mod tests {
     use std::fs;
 
     #[test]
-    fn an_interrupted_run_writes_what_it_has_on_the_mesh_that_it_has() {
+    fn an_interrupted_run_writes_what_it_has_and_lists_repairs() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
-        let scene = generate("cornell").expect("a scene");
+        let mut scene = generate("cornell").expect("a scene");
+        let inside_of_a_block = glam::DVec3::new(186.0, 80.0, 168.0);
+        scene.camera.as_mut().expect("published").eye = inside_of_a_block;
         let (out, table) = (path("out"), path("table.csv"));
         let args = ["--quiet", "--tolerance", "0.01", "--out", &out, "--form-factors", &table];
         let args = Args::parse_from(["radiosity"].into_iter().chain(args));
@@ -383,6 +386,8 @@ mod tests {
         assert!(report.interrupted && report.residual > 0.01 && report.iterations == 1);
         assert!(report.elements <= FIRST_ELEMENTS && report.element_error > 0.01);
         assert_eq!(report.files.len(), 7);
+        let repair = "camera that saw backs of surfaces, replaced by one outside";
+        assert_eq!(report.repairs, [repair]);
         assert!(report.files.iter().all(|name| args.out.join(name).exists()));
         assert!(!fs::exists(&table).expect("known"), "its rows would take as long as ever");
         let text = fs::read_to_string(args.out.join("report.json")).expect("written");
