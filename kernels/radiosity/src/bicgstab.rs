@@ -163,6 +163,7 @@ mod tests {
     use crate::{conjugate_gradients, jacobi};
     use approx::assert_relative_eq;
     use std::convert::Infallible;
+    use std::ops::ControlFlow;
 
     const TIGHT: Stop = Stop { tolerance: 1e-10, max_iterations: 10_000 };
 
@@ -245,6 +246,10 @@ mod tests {
         let apply = |b: &[[f64; 1]]| gather(&factors, b);
         let error = bicgstab(&emission, &reflectance, stop, apply, |_, _| ()).unwrap_err();
         assert!(matches!(error, Error::NegativeRadiosity { band: 0, found, .. } if found < 0.0));
+        // What an interrupted iteration has may be anything.
+        let ends = |i, _| if i < 3 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) };
+        let part = bicgstab(&emission, &reflectance, stop, apply, ends).unwrap();
+        assert!(part.interrupted && part.radiosity.iter().any(|b| b[0] < -0.1), "{part:?}");
     }
 
     #[test]
