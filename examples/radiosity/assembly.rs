@@ -189,11 +189,6 @@ impl<'a> Assembly<'a> {
     fn viewpoint(&self, camera: &Camera) -> Result<Viewpoint, SceneError> {
         let [eye, target, up] = [camera.eye, camera.target, camera.up].map(DVec3::from_array);
         let degrees = camera.fov_degrees;
-        let upright = (target - eye).normalize_or_zero().cross(up.normalize_or_zero()).length();
-        if !(eye.is_finite() && upright > 1e-6) {
-            let expected = "a camera that looks somewhere, and not along `up`";
-            return Err(self.refusal(expected.to_owned()));
-        }
         if !(degrees > 0.0 && degrees < 180.0) {
             let expected = format!("a field of view between 0 and 180 degrees, found {degrees}");
             return Err(self.refusal(expected));

@@ -251,7 +251,7 @@ mod tests {
     fn descriptions_that_make_no_sense_are_refused() {
         let quad = "[[quad]]\ncorners = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]\n\
             material = \"wall\"\n";
-        let camera = "[camera]\neye = [0, 0, 1]\ntarget = [0, 0, 0]\n";
+        let camera = "generator = \"cornell\"\n[camera]\neye = [0, 0, 1]\ntarget = [0, 0, 0]\n";
         let wall = "[materials.wall]\nreflectance = [0.5, 0.5]\n";
         for (text, expected) in [
             ("", "neither surfaces nor points"),
@@ -279,8 +279,10 @@ mod tests {
             ),
             ("mesh = [{ file = \"body.off\", material = \"gold\" }]", "found `gold`"),
             (&format!("{camera}fov_degrees = 180"), "between 0 and 180 degrees, found 180"),
-            (&format!("{camera}up = [0, 0, 1]"), "a camera that looks somewhere"),
-            (&camera.replace("[0, 0, 0]", "[0, 0, 1]"), "a camera that looks somewhere"),
+            (&format!("{camera}fov_degrees = nan"), "between 0 and 180 degrees, found NaN"),
+            (&format!("{camera}up = [0, 0, 1]"), "a direction that it doesn't look along"),
+            (&camera.replace("[0, 0, 0]", "[0, 0, 1]"), "somewhere else than its eye"),
+            (&camera.replace("1]", "nan]"), "camera: its eye at [0, 0, NaN]"),
         ] {
             let message = refusal(text);
             assert!(message.contains(expected), "{text}\n{message}");

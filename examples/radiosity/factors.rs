@@ -1,6 +1,7 @@
 //! Form factors as a table: every row of the matrix above a cut-off, and what goes to the sky.
 
 use std::io::{self, Write};
+use std::ops::ControlFlow;
 
 use farfield::Mask;
 use farfield_radiosity::Irradiance;
@@ -13,13 +14,14 @@ const ROWS: usize = 512;
 
 /// Writes a line `row,column,factor` for every form factor F_ij above `cut`, i and j counted from 0 in the
 /// order of the elements, and two more for each row: `rest`, the sum of those that are not listed, and
-/// `sky`, what arrives at no element. A row sums to 1. O(N²) pairs; `show` is told the fraction done.
+/// `sky`, what arrives at no element. A row sums to 1. O(N²) pairs; `report` is told the fraction done and
+/// may end it. Returns the number of rows written.
 pub(crate) fn write<const BANDS: usize>(
     file: &mut impl Write,
     exchange: &Exchange<'_, BANDS>,
     cut: f64,
-    show: impl Fn(f64),
-) -> io::Result<()> {
+    report: impl Fn(f64) -> ControlFlow<()>,
+) -> io::Result<usize> {
     writeln!(file, "row,column,factor")?;
     let count = exchange.surfels.len();
     for first in (0..count).step_by(ROWS) {
@@ -32,9 +34,12 @@ pub(crate) fn write<const BANDS: usize>(
             }
             writeln!(file, "{i},rest,{rest:.6e}\n{i},sky,{sky:.6e}")?;
         }
-        show((first + rows.len()) as f64 / count as f64);
+        let done = first + rows.len();
+        if report(done as f64 / count as f64).is_break() {
+            return Ok(done);
+        }
     }
-    Ok(())
+    Ok(count)
 }
 
 /// One row of form factors.
@@ -71,4 +76,43 @@ fn row<const BANDS: usize>(exchange: &Exchange<'_, BANDS>, i: usize, cut: f64) -
     let (listed, dropped): (Vec<_>, Vec<_>) =
         factors.into_iter().partition(|&(_, factor)| factor > cut);
     Row { listed, rest: dropped.iter().map(|entry| entry.1).sum(), sky: 1.0 - sum }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::generators::generate;
+    use crate::mesh::Mesh;
+    use farfield::direct_masked;
+    use farfield_radiosity::{Corrections, Occluders, RadiosityOperator, Surfel, Visibility};
+
+    #[test]
+    fn whole_rows_are_written_until_it_is_ended() {
+        let scene = generate("furnace").expect("a scene");
+        let mesh = Mesh::new(&scene, 600).expect("a mesh");
+        let occluders = Occluders::new(&mesh.triangles).expect("finite");
+        let visibility = Visibility::new(&occluders);
+        let surfels: Vec<Surfel> = mesh.elements.iter().map(|e| *e.surfel()).collect();
+        let corrections = Corrections::new(&mesh.elements, &occluders, 1e-2).expect("finite");
+        let kernel = Irradiance::<f64, [f64; 1]>::clamped();
+        let sum = |b: &[[f64; 1]]| Ok(direct_masked(&kernel, &visibility, &surfels, b, &surfels));
+        let operator = RadiosityOperator::new(&mesh.elements, sum, corrections).expect("one each");
+        let exchange = Exchange { surfels: &surfels, operator: &operator, visibility: &visibility };
+        for (flow, expected) in
+            [(ControlFlow::Continue(()), surfels.len()), (ControlFlow::Break(()), ROWS)]
+        {
+            let mut table = Vec::new();
+            let rows = write(&mut table, &exchange, 1e-5, |_| flow).expect("written");
+            assert_eq!(rows, expected);
+            let table = String::from_utf8(table).expect("text");
+            let mut sums = vec![0.0; surfels.len()];
+            for line in table.lines().skip(1) {
+                let cells: Vec<_> = line.split(',').collect();
+                let factor: f64 = cells[2].parse().expect("a number");
+                sums[cells[0].parse::<usize>().expect("an index")] += factor;
+            }
+            assert!(sums[..rows].iter().all(|sum| (sum - 1.0).abs() < 1e-4));
+            assert!(sums[rows..].iter().all(|&sum| sum == 0.0));
+        }
+    }
 }

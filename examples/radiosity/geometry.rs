@@ -19,6 +19,26 @@ pub(crate) fn area(surface: &Surface) -> f64 {
     vector_area(&surface.corners).length()
 }
 
+/// The triangles that a convex polygon's first corner spans with the edges that it isn't on.
+pub(crate) fn fan(corners: &[DVec3]) -> impl Iterator<Item = [DVec3; 3]> {
+    (2..corners.len()).map(|k| [corners[0], corners[k - 1], corners[k]])
+}
+
+/// The regular polygon of an area around a centre, counter-clockwise around its unit normal.
+pub(crate) fn regular_polygon<const CORNERS: usize>(
+    centre: DVec3,
+    normal: DVec3,
+    area: f64,
+) -> [DVec3; CORNERS] {
+    let angle = std::f64::consts::TAU / CORNERS as f64;
+    let radius = (area / (0.5 * CORNERS as f64 * angle.sin())).sqrt();
+    let (u, v) = normal.any_orthonormal_pair();
+    std::array::from_fn(|k| {
+        let (sin, cos) = (k as f64 * angle).sin_cos();
+        centre + radius * (cos * u + sin * v)
+    })
+}
+
 /// Whether every edge of the surfaces is run through as often one way as the other: then they enclose
 /// volumes, without gaps.
 pub(crate) fn is_watertight(surfaces: &[Surface]) -> bool {
@@ -84,6 +104,21 @@ mod tests {
         assert_eq!(vector_area(&square), DVec3::Z);
         assert_eq!(vector_area(&square[..3]), 0.5 * DVec3::Z);
         assert_eq!(area(&surface(&square)), 1.0);
+    }
+
+    #[test]
+    fn polygons_have_their_area_and_are_that_of_their_triangles() {
+        let normal = DVec3::new(1.0, 2.0, 2.0) / 3.0;
+        let hexagon = regular_polygon::<6>(DVec3::ONE, normal, 2.0);
+        let octagon = regular_polygon::<8>(DVec3::ONE, normal, 2.0);
+        for (corners, triangles) in [(&hexagon[..], 4), (&octagon[..], 6)] {
+            assert!(vector_area(corners).abs_diff_eq(2.0 * normal, 1e-12));
+            let centre = corners.iter().sum::<DVec3>() / corners.len() as f64;
+            assert!(centre.abs_diff_eq(DVec3::ONE, 1e-12));
+            assert_eq!(fan(corners).count(), triangles);
+            let sum: DVec3 = fan(corners).map(|triangle| vector_area(&triangle)).sum();
+            assert!(sum.abs_diff_eq(2.0 * normal, 1e-12));
+        }
     }
 
     #[test]

@@ -6,6 +6,7 @@ use std::f64::consts::FRAC_1_PI;
 use farfield_radiosity::{Occluders, Patch};
 use glam::DVec3;
 
+use crate::geometry::area;
 use crate::mesh::Mesh;
 use crate::scene::{Material, Scene};
 use crate::tone::Rgb;
@@ -15,14 +16,10 @@ use crate::tone::Rgb;
 /// Otherwise the smooth field of a picture must hold all irradiance, not only the indirect part.
 pub(crate) fn direct_light_by_pixel(scene: &Scene) -> bool {
     let shines = |index: usize| scene.materials.get(index).is_some_and(emits);
-    let area = |corners: &[DVec3]| -> f64 {
-        let triangle = |k: usize| (corners[k - 1] - corners[0]).cross(corners[k] - corners[0]);
-        (2..corners.len()).map(|k| 0.5 * triangle(k).length()).sum()
-    };
     let lamps = || scene.surfaces.iter().filter(|surface| shines(surface.material));
     let points = scene.points.iter().map(|point| point.area).sum::<f64>();
-    let whole = scene.surfaces.iter().map(|surface| area(&surface.corners)).sum::<f64>() + points;
-    let emitting: f64 = lamps().map(|lamp| area(&lamp.corners)).sum();
+    let whole = scene.surfaces.iter().map(area).sum::<f64>() + points;
+    let emitting: f64 = lamps().map(area).sum();
     (1..=MOST_LAMPS).contains(&lamps().count())
         && emitting < MOST_AREA * whole
         && !scene.points.iter().any(|point| shines(point.material))

@@ -3,7 +3,7 @@
 use farfield_radiosity::{Element, Patch, Surfel, Triangle};
 use glam::DVec3;
 
-use crate::geometry::area;
+use crate::geometry::{area, fan, regular_polygon};
 use crate::scene::{Scene, ScenePoint, Surface};
 use crate::scene_error::SceneError;
 
@@ -19,7 +19,7 @@ pub(crate) struct Mesh {
     pub(crate) origin: Vec<u32>,
     /// For each element, the index of its material.
     pub(crate) material: Vec<u32>,
-    /// What hides: the surfaces in triangles, and the disks of points.
+    /// What hides: the surfaces, and hexagons for points, in triangles.
     pub(crate) triangles: Vec<Triangle>,
 }
 
@@ -78,20 +78,13 @@ impl Mesh {
         two_sided: bool,
     ) -> Result<(), farfield_radiosity::Error> {
         let pieces = pieces(&surface.corners, cuts);
-        let backs = pieces.iter().filter(|_| two_sided).map(|piece| {
-            let mut back = piece.clone();
-            back.reverse();
-            back
-        });
+        let backs = pieces.iter().filter(|_| two_sided);
+        let backs = backs.map(|piece| piece.iter().rev().copied().collect());
         for corners in pieces.iter().cloned().chain(backs) {
             let element = Element::patch(Patch::new(&corners)?, surface.face);
             self.add(element, index as u32, surface.material);
         }
-        let corners = &surface.corners;
-        for k in 2..corners.len() {
-            let vertices = [corners[0], corners[k - 1], corners[k]];
-            self.triangles.push(Triangle { vertices, face: surface.face });
-        }
+        self.add_triangles(&surface.corners, surface.face);
         Ok(())
     }
 
@@ -102,7 +95,11 @@ impl Mesh {
             let back = Surfel { position, normal: -normal, area, face };
             self.add(Element::disk(back), origin, material);
         }
-        self.triangles.extend(hexagon(point).map(|vertices| Triangle { vertices, face }));
+        self.add_triangles(&regular_polygon::<6>(position, normal, area), face);
+    }
+
+    fn add_triangles(&mut self, corners: &[DVec3], face: u32) {
+        self.triangles.extend(fan(corners).map(|vertices| Triangle { vertices, face }));
     }
 
     fn add(&mut self, element: Element, origin: u32, material: usize) {
@@ -228,17 +225,6 @@ pub(crate) fn edge_lengths(surface: &Surface) -> [f64; 2] {
         }
         _ => [area(surface).sqrt(); 2],
     }
-}
-
-/// The triangles of a regular hexagon around a point, perpendicular to its normal and of its area.
-fn hexagon(point: &ScenePoint) -> [[DVec3; 3]; 4] {
-    let (u, v) = point.normal.any_orthonormal_pair();
-    let radius = (point.area / (1.5 * 3f64.sqrt())).sqrt();
-    let corner = |k: usize| {
-        let (sin, cos) = (k as f64 * std::f64::consts::FRAC_PI_3).sin_cos();
-        point.position + radius * (cos * u + sin * v)
-    };
-    std::array::from_fn(|k| [corner(0), corner(k + 1), corner(k + 2)])
 }
 
 #[cfg(test)]

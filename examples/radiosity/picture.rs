@@ -17,7 +17,7 @@ use crate::smooth::Smooth;
 use crate::surfaces::colour;
 use crate::tone::{Rgb, ToneMap};
 use crate::view::{Film, Lit, RAYS};
-use crate::viewpoint::viewpoint;
+use crate::viewpoint::View;
 
 /// Rows and columns.
 pub(crate) const SIZE: usize = 720;
@@ -30,6 +30,8 @@ pub(crate) struct Picture {
     pub(crate) values: Vec<Rgb>,
     /// The sRGB code of each element.
     pub(crate) elements: Vec<[u8; 3]>,
+    /// What was mended in the camera.
+    pub(crate) repair: Option<String>,
 }
 
 /// The irradiance of the light that surfaces reflect, all but what comes straight from lamps.
@@ -49,7 +51,7 @@ pub(crate) fn take(
     progress: &Progress,
 ) -> Result<Picture, Error> {
     let sight = Sight::new(&mesh.elements)?;
-    let (place, backs) = viewpoint(scene);
+    let View { place, backs, repair } = View::new(scene, &sight);
     let film = Film { camera: Camera::at(&place), backs, size: SIZE };
     let of =
         |field: &[f64]| -> Vec<Rgb> { field.chunks(fields.bands.max(1)).map(colour).collect() };
@@ -79,7 +81,7 @@ pub(crate) fn take(
             let codes = values.iter().map(|radiance| tone.code(radiance)).collect();
             let radiosity = of(&fields.radiosity);
             let elements = radiosity.iter().map(|b| tone.code(&b.map(|b| FRAC_1_PI * b))).collect();
-            Ok(Picture { codes, values, elements })
+            Ok(Picture { codes, values, elements, repair })
         }
         QuantityName::Heat => {
             let bar = progress.bar("rendering");
@@ -93,7 +95,7 @@ pub(crate) fn take(
             let codes = palette::picture(&values, SIZE, &range);
             let elements = temperatures.iter().map(|&t| palette::code(t, &range)).collect();
             let values = values.iter().map(|value| [value.unwrap_or(0.0); 3]).collect();
-            Ok(Picture { codes, values, elements })
+            Ok(Picture { codes, values, elements, repair })
         }
     }
 }

@@ -66,6 +66,10 @@ pub(crate) struct Report {
     pub(crate) direct_s: f64,
     /// Sums over all pairs, or shots (Southwell).
     pub(crate) iterations: usize,
+    /// The largest residual of the equation, in units of the emission.
+    pub(crate) residual: f64,
+    /// Whether Ctrl-C ended the run early: the solution, the refinement or the table of form factors.
+    pub(crate) interrupted: bool,
     /// The share of the emitted power that is neither absorbed nor escapes.
     pub(crate) energy_residual: f64,
     /// Relative l2 error of the irradiance against direct summation at the sampled elements.
@@ -163,6 +167,9 @@ impl fmt::Display for Report {
         line("reciprocal to", format!("{:.1e}", self.reciprocity_error))?;
         line("plan", format!("{:.2} s", self.plan_s))?;
         line("solve", format!("{:.2} s, {} iterations", self.solve_s, self.iterations))?;
+        if self.interrupted {
+            line("interrupted", format!("at a residual of {:.1e}", self.residual))?;
+        }
         line(
             "direct summation",
             format!("{:.2} s (extrapolated from {} elements)", self.direct_s, self.sampled_surfels),

@@ -32,7 +32,7 @@ pub(crate) struct Scene {
 
 impl Scene {
     /// Checks that there is something in it, that its materials agree in their bands and obey the
-    /// laws of nature, and that its surfaces and points are what they should be.
+    /// laws of nature, and that its surfaces, its points and its camera are what they should be.
     ///
     /// # Errors
     /// The first thing that isn't so; see [`SceneError`].
@@ -57,7 +57,7 @@ impl Scene {
             known("point", index, point.material)?;
             point.check().map_err(|expected| SceneError::Point { index, expected })?;
         }
-        Ok(())
+        self.camera.as_ref().map_or(Ok(()), Viewpoint::check)
     }
 
     /// How many bands its materials have.
@@ -195,6 +195,29 @@ pub(crate) struct Viewpoint {
     pub(crate) film_over_focal: f64,
 }
 
+impl Viewpoint {
+    /// Checks that it looks somewhere, and that what is up isn't there.
+    fn check(&self) -> Result<(), SceneError> {
+        let refusal = |what, found, expected| Err(SceneError::Camera { what, found, expected });
+        for (what, place) in [("its eye", self.eye), ("its target", self.target)] {
+            if !place.is_finite() {
+                return refusal(what, place, "finite coordinates");
+            }
+        }
+        let Some(sight) = (self.target - self.eye).try_normalize() else {
+            return refusal("its target", self.target, "somewhere else than its eye");
+        };
+        let aside = self.up.try_normalize().map_or(0.0, |up| up.cross(sight).length());
+        match aside > LEAST_ASIDE {
+            true => Ok(()),
+            false => refusal("up", self.up, "a direction that it doesn't look along"),
+        }
+    }
+}
+
+/// The least sine between the line of sight and what is up.
+const LEAST_ASIDE: f64 = 1e-6;
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -255,6 +278,27 @@ mod tests {
         }
         scene.surfaces[0].corners[2] = DVec3::X;
         assert!(refusal(&scene).starts_with("surface 0: a patch with corners at"));
+    }
+
+    #[test]
+    fn cameras_look_somewhere() {
+        let mut scene = scene(Material::grey());
+        let [eye, target, up] = [DVec3::ZERO, DVec3::Z, DVec3::Y];
+        let view = Viewpoint { eye, target, up, film_over_focal: 1.0 };
+        for (camera, expected) in [
+            (Viewpoint { eye: DVec3::NAN, ..view }, "its eye at [NaN, NaN, NaN], expected finite"),
+            (Viewpoint { target: DVec3::INFINITY, ..view }, "its target at [inf, inf, inf], "),
+            (Viewpoint { target: eye, ..view }, "its target at [0, 0, 0], expected somewhere else"),
+            (Viewpoint { up: -3.0 * target, ..view }, "up at [-0, -0, -3], expected a direction"),
+            (Viewpoint { up: DVec3::ZERO, ..view }, "up at [0, 0, 0], expected a direction"),
+            (Viewpoint { up: DVec3::NAN, ..view }, "up at [NaN, NaN, NaN], expected a direction"),
+        ] {
+            scene.camera = Some(camera);
+            let message = refusal(&scene);
+            assert!(message.starts_with(&format!("camera: {expected}")), "{message}");
+        }
+        scene.camera = Some(view);
+        assert!(scene.check().is_ok());
     }
 
     #[test]

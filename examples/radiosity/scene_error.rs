@@ -3,6 +3,8 @@
 use std::io;
 use std::path::PathBuf;
 
+use glam::DVec3;
+
 /// Every way in which a scene is refused.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum SceneError {
@@ -147,6 +149,16 @@ pub(crate) enum SceneError {
         /// Its index.
         index: usize,
         /// What it should have.
+        expected: &'static str,
+    },
+    /// A camera that looks nowhere.
+    #[error("camera: {what} at {found}, expected {expected}")]
+    Camera {
+        /// Its eye, its target, or what is up.
+        what: &'static str,
+        /// Where that is.
+        found: DVec3,
+        /// Where it should be.
         expected: &'static str,
     },
     /// More elements than a run can take.

@@ -5,6 +5,8 @@ use std::collections::HashMap;
 use farfield_radiosity::{Element, Error, Occluders, Surfel, Triangle};
 use glam::{DVec2, DVec3};
 
+use crate::geometry::{fan, regular_polygon};
+
 /// The elements of a mesh as rays meet them.
 #[derive(Clone, Debug)]
 pub(crate) struct Sight<'a> {
@@ -51,9 +53,7 @@ impl<'a> Sight<'a> {
             if backs[index].is_some_and(|other| (other as usize) < index) {
                 continue;
             }
-            let corners = outline(element);
-            for k in 2..corners.len() {
-                let vertices = [corners[0], corners[k - 1], corners[k]];
+            for vertices in fan(&outline(element)) {
                 triangles.push(Triangle { vertices, face: index as u32 });
                 owners.push(index as u32);
             }
@@ -85,10 +85,12 @@ impl<'a> Sight<'a> {
     pub(crate) fn is_buried(&self, point: DVec3, normal: DVec3) -> bool {
         let (u, v) = normal.any_orthonormal_pair();
         let aside = [DVec3::ZERO, u, v, -u, -v];
-        aside.into_iter().all(|aside| {
-            let direction = (normal + SLANT * aside).normalize();
-            matches!(self.meet(point, direction), Some((None, _)))
-        })
+        aside.into_iter().all(|aside| self.meets_back(point, (normal + SLANT * aside).normalize()))
+    }
+
+    /// Whether a ray of unit direction first meets the back of an element which has no other side.
+    pub(crate) fn meets_back(&self, origin: DVec3, direction: DVec3) -> bool {
+        matches!(self.meet(origin, direction), Some((None, _)))
     }
 
     /// Where a ray of unit direction first meets an element, and which one if it is the front.
@@ -107,18 +109,11 @@ impl<'a> Sight<'a> {
 pub(crate) fn outline(element: &Element) -> Vec<DVec3> {
     match element.as_patch() {
         Some(patch) => patch.corners().to_vec(),
-        None => octagon(element.surfel()).to_vec(),
+        None => {
+            let Surfel { position, normal, area, .. } = *element.surfel();
+            regular_polygon::<8>(position, normal, area).to_vec()
+        }
     }
-}
-
-/// The regular octagon of a disk's area around its centre, counter-clockwise around its front.
-fn octagon(disk: &Surfel) -> [DVec3; 8] {
-    let radius = (disk.area / (2.0 * std::f64::consts::SQRT_2)).sqrt();
-    let (u, v) = disk.normal.any_orthonormal_pair();
-    std::array::from_fn(|k| {
-        let DVec2 { x, y } = DVec2::from_angle(k as f64 * std::f64::consts::FRAC_PI_4);
-        disk.position + radius * (x * u + y * v)
-    })
 }
 
 /// How far aside a point looks for a way out, relative to straight ahead.
@@ -250,13 +245,9 @@ mod tests {
     }
 
     #[test]
-    fn a_disk_is_an_octagon_of_its_area() {
+    fn a_disk_is_hit_at_its_centre() {
         let normal = DVec3::new(1.0, 2.0, 2.0) / 3.0;
         let disk = Surfel { position: DVec3::ONE, normal, area: 2.0, face: 0 };
-        let corners = octagon(&disk);
-        let cross = |k: usize| (corners[k] - DVec3::ONE).cross(corners[(k + 1) % 8] - DVec3::ONE);
-        let area: DVec3 = (0..8).map(cross).sum::<DVec3>() * 0.5;
-        assert!(area.abs_diff_eq(2.0 * normal, 1e-12));
         let elements = [Element::disk(disk)];
         let sight = Sight::new(&elements).expect("finite");
         let seen = sight.first(DVec3::ONE + normal, -normal, Backs::Opaque).expect("hit");

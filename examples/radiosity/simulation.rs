@@ -15,6 +15,7 @@ use crate::check::Check;
 use crate::factors;
 use crate::fields::Fields;
 use crate::gather::{Gather, Method};
+use crate::interrupt::Interrupt;
 use crate::mesh::{Cuts, Mesh, even_cuts};
 use crate::output::{Output, OutputError};
 use crate::picture::{self, Picture, SIZE};
@@ -35,7 +36,7 @@ const MOST_MESHES: usize = 6;
 /// The least form factor that a table lists, in units of the tolerance.
 const LISTED: f64 = 1e-3;
 
-/// Solves a scene and writes everything about it.
+/// Solves a scene and writes everything about it; once `interrupt`ed, what there is.
 ///
 /// # Errors
 /// If the scene can't be cut into elements, the equation not be solved, or a file not be written; if the
@@ -45,6 +46,7 @@ pub(crate) fn run<const BANDS: usize>(
     scene: &Scene,
     bands: usize,
     mut output: Output,
+    interrupt: &Interrupt,
 ) -> Result<Report, Failure> {
     if args.visibility == VisibilityName::Fractional
         && (args.scheme != SchemeName::Fmm || args.expansion != ExpansionName::Interpolation)
@@ -62,7 +64,7 @@ pub(crate) fn run<const BANDS: usize>(
     loop {
         let mesh = Mesh::with_cuts(scene, &cuts)?;
         let last = meshes == MOST_MESHES || !args.is_adaptive();
-        let run = Run { args, scene, bands, mesh: &mesh, progress: &progress };
+        let run = Run { args, scene, bands, mesh: &mesh, progress: &progress, interrupt };
         let refined = |fields: &Fields| {
             let field = &fields.irradiance;
             let most = args.element_count();
@@ -73,7 +75,10 @@ pub(crate) fn run<const BANDS: usize>(
                 output.publish()?;
                 return Ok(*report);
             }
-            Outcome::TooCoarse(next) => cuts = next,
+            Outcome::TooCoarse(next) => {
+                interrupt.hold(false);
+                cuts = next;
+            }
         }
         meshes += 1;
     }
@@ -94,6 +99,7 @@ struct Run<'a> {
     bands: usize,
     mesh: &'a Mesh,
     progress: &'a Progress,
+    interrupt: &'a Interrupt,
 }
 
 impl Run<'_> {
@@ -103,7 +109,7 @@ impl Run<'_> {
         last: bool,
         refined: &dyn Fn(&Fields) -> Refinement,
     ) -> Result<Outcome, Failure> {
-        let Self { args, scene, bands, mesh, progress } = *self;
+        let Self { args, scene, bands, mesh, progress, interrupt } = *self;
         let tolerance = args.sum_tolerance();
         let elements = &mesh.elements;
         let surfels: Vec<Surfel> = elements.iter().map(|element| *element.surfel()).collect();
@@ -113,7 +119,12 @@ impl Run<'_> {
         let shadows = if args.visibility == VisibilityName::None { &nothing } else { &walls };
         let mut visibility = Visibility::new(shadows);
         if args.visibility == VisibilityName::Fractional {
-            visibility = visibility.fractional(tolerance, self.brightness(&surfels, area)?)?;
+            let surfaces = Surfaces::<1>::new(scene, mesh, args.quantity, 1, 0);
+            let brightness = surfaces.brightness(&surfels).ok_or(match args.quantity {
+                QuantityName::Light => Failure::Dark("emits light"),
+                QuantityName::Heat => Failure::Dark("has a temperature"),
+            })?;
+            visibility = visibility.fractional(tolerance, brightness)?;
         }
 
         let bar = progress.bar("planning");
@@ -153,12 +164,17 @@ impl Run<'_> {
             irradiance: zeros(),
             row_sums: row_sums.clone(),
         };
-        let (mut iterations, mut energy, mut error) = (0, 0.0f64, 0.0f64);
+        let (mut iterations, mut interrupted) = (0, false);
+        let (mut residual, mut energy, mut error) = (0.0f64, 0.0f64, 0.0f64);
         let mut check = None;
+        interrupt.hold(true);
         for first in (0..bands).step_by(BANDS) {
             let surfaces = Surfaces::<BANDS>::new(scene, mesh, args.quantity, bands, first);
-            let solution = exchange.solve(&surfaces, args.solver, tolerance, progress)?;
+            let solution =
+                exchange.solve(&surfaces, args.solver, tolerance, progress, interrupt)?;
             iterations += solution.iterations;
+            interrupted |= solution.interrupted;
+            residual = residual.max(solution.residual);
             energy = energy.max(energy_residual(&surfels, &surfaces, &solution, &closed_sums)?);
             for k in first..(first + BANDS).min(bands) {
                 for i in 0..count {
@@ -175,12 +191,15 @@ impl Run<'_> {
             check.get_or_insert(found);
         }
         let refinement = refined(&fields);
-        if !last && refinement.error > tolerance && count < args.element_count() * 9 / 10 {
+        let few = count < args.element_count() * 9 / 10;
+        let too_coarse = !last && refinement.error > tolerance && few;
+        if too_coarse && !interrupt.is_asked() {
             return Ok(Outcome::TooCoarse(refinement.cuts));
         }
+        interrupted |= too_coarse;
         let check = check.expect("there is a band");
         let accurate = error <= tolerance;
-        if !accurate {
+        if !(accurate || interrupted) {
             let sampled = check.sampled;
             return Err(Failure::Inaccurate { error, sampled, tolerance });
         }
@@ -210,13 +229,20 @@ impl Run<'_> {
         let picture =
             picture::take(scene, mesh, &fields, shadows, args.quantity, &indirect, progress)?;
 
-        if let Some(path) = &args.form_factors {
+        if let Some(path) = &args.form_factors
+            && !interrupted
+        {
             let bar = progress.bar("form factors");
             let failed = |source| OutputError::new(path, source);
             let mut file = BufWriter::new(File::create(path).map_err(failed)?);
-            factors::write(&mut file, &exchange, LISTED * tolerance, |done| bar.show(done))
-                .and_then(|()| file.flush())
+            let report = |done| {
+                bar.show(done);
+                interrupt.flow()
+            };
+            let rows = factors::write(&mut file, &exchange, LISTED * tolerance, report)
+                .and_then(|rows| file.flush().map(|()| rows))
                 .map_err(failed)?;
+            interrupted = rows < count;
         }
 
         // Each iteration gathers once; Southwell's shots, pair by pair as they are, weigh as one.
@@ -231,6 +257,8 @@ impl Run<'_> {
             closure,
             uncertainty,
             iterations,
+            residual,
+            interrupted,
             energy,
             error,
             check,
@@ -238,37 +266,12 @@ impl Run<'_> {
             element_error: refinement.error,
         };
         let mut report = self.report(&figures);
+        report.repairs.extend(picture.repair.clone());
         report.files = self.write(output, &picture, &fields)?;
         report.phases = progress.seconds();
         output.json("report.json", &report)?;
         report.files.push("report.json");
         Ok(Outcome::Done(Box::new(report)))
-    }
-
-    /// How much brighter than the mean each face may be, for what samples may leave out.
-    fn brightness(&self, surfels: &[Surfel], area: f64) -> Result<Vec<f64>, Failure> {
-        let surfaces = Surfaces::<1>::new(self.scene, self.mesh, self.args.quantity, 1, 0);
-        let mut brightness: Vec<f64> = Vec::new();
-        let (mut emitted, mut absorbed) = (0.0, 0.0);
-        for ((surfel, e), rho) in surfels.iter().zip(&surfaces.emission).zip(&surfaces.reflectance)
-        {
-            emitted += surfel.area * e[0];
-            absorbed += surfel.area * (1.0 - rho[0]);
-            let face = surfel.face as usize;
-            if surfel.face != Surfel::<f64>::NO_FACE && e[0] > 0.0 {
-                brightness.resize(brightness.len().max(face + 1), 0.0);
-                brightness[face] = brightness[face].max(e[0]);
-            }
-        }
-        // All light that is emitted is absorbed in the end: that is what it takes on average.
-        let mean = emitted / absorbed.max(1e-3 * area);
-        if mean <= 0.0 {
-            return Err(Failure::Dark(match self.args.quantity {
-                QuantityName::Light => "emits light",
-                QuantityName::Heat => "has a temperature",
-            }));
-        }
-        Ok(brightness.into_iter().map(|e| (e / mean).max(1.0)).collect())
     }
 
     fn write(
@@ -295,7 +298,7 @@ impl Run<'_> {
     }
 
     fn report(&self, figures: &Figures) -> Report {
-        let Self { args, scene, bands, mesh, progress } = *self;
+        let Self { args, scene, bands, mesh, progress, .. } = *self;
         let seconds = progress.seconds();
         let of = |phases: &[&str]| phases.iter().filter_map(|phase| seconds.get(phase)).sum();
         let Figures { check, .. } = figures;
@@ -326,6 +329,8 @@ impl Run<'_> {
             solve_s: of(&["solving"]),
             direct_s: check.visibility_s + figures.sums as f64 * check.sum_s,
             iterations: figures.iterations,
+            residual: figures.residual,
+            interrupted: figures.interrupted,
             energy_residual: figures.energy,
             relative_l2_error: figures.error,
             sampled_surfels: check.sampled,
@@ -347,10 +352,45 @@ struct Figures {
     closure: Closure,
     uncertainty: f64,
     iterations: usize,
+    residual: f64,
+    interrupted: bool,
     energy: f64,
     error: f64,
     check: Check,
     /// Sums over all pairs that the solution took.
     sums: usize,
     element_error: f64,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::generators::generate;
+    use clap::Parser;
+    use std::fs;
+
+    #[test]
+    fn an_interrupted_run_writes_what_it_has_and_lists_repairs() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
+        let mut scene = generate("cornell").expect("a scene");
+        let inside_of_a_block = glam::DVec3::new(186.0, 80.0, 168.0);
+        scene.camera.as_mut().expect("published").eye = inside_of_a_block;
+        let (out, table) = (path("out"), path("table.csv"));
+        let args = ["--quiet", "--tolerance", "0.01", "--out", &out, "--form-factors", &table];
+        let args = Args::parse_from(["radiosity"].into_iter().chain(args));
+        let interrupt = Interrupt::default();
+        interrupt.ask();
+        let output = Output::new(&args.out).expect("writable");
+        let report = run::<3>(&args, &scene, 3, output, &interrupt).expect("no failure");
+        assert!(report.interrupted && report.residual > 0.01 && report.iterations == 1);
+        assert!(report.elements <= FIRST_ELEMENTS && report.element_error > 0.01);
+        assert_eq!(report.files.len(), 7);
+        let repair = "camera that saw backs of surfaces, replaced by one outside";
+        assert_eq!(report.repairs, [repair]);
+        assert!(report.files.iter().all(|name| args.out.join(name).exists()));
+        assert!(!fs::exists(&table).expect("known"), "its rows would take as long as ever");
+        let text = fs::read_to_string(args.out.join("report.json")).expect("written");
+        assert!(text.contains("\"interrupted\": true"), "{text}");
+    }
 }

@@ -10,6 +10,7 @@ use farfield_radiosity::{
 use rayon::prelude::*;
 
 use crate::args::SolverName;
+use crate::interrupt::Interrupt;
 use crate::progress::Progress;
 use crate::surfaces::Surfaces;
 
@@ -29,7 +30,7 @@ pub(crate) struct Exchange<'a, const BANDS: usize> {
 }
 
 impl<const BANDS: usize> Exchange<'_, BANDS> {
-    /// Solves for the radiosities, with a bar for the digits gained.
+    /// Solves for the radiosities as far as it may, with a bar for the digits gained.
     ///
     /// # Errors
     /// If the iteration doesn't converge or a sum fails.
@@ -39,10 +40,14 @@ impl<const BANDS: usize> Exchange<'_, BANDS> {
         solver: SolverName,
         tolerance: f64,
         progress: &Progress,
+        interrupt: &Interrupt,
     ) -> Result<Solution<f64, BANDS>, Error> {
         let tolerance = RESIDUAL * tolerance;
         let bar = progress.bar("solving");
-        let report = |_, residual: f64| bar.show(residual.ln() / tolerance.ln());
+        let report = |_, residual: f64| {
+            bar.show(residual.ln() / tolerance.ln());
+            interrupt.flow()
+        };
         let Surfaces { emission, reflectance } = surfaces;
         let shots = if solver == SolverName::Southwell { self.surfels.len() } else { 1 };
         let stop = Stop { tolerance, max_iterations: MAX_BOUNCES * shots };
@@ -108,7 +113,9 @@ mod tests {
             [SolverName::Cg, SolverName::Jacobi, SolverName::Bicgstab, SolverName::Southwell].map(
                 |solver| {
                     let progress = Progress::new(true);
-                    exchange.solve(&surfaces, solver, 1e-4, &progress).expect("converges")
+                    let interrupt = Interrupt::default();
+                    let solved = exchange.solve(&surfaces, solver, 1e-4, &progress, &interrupt);
+                    solved.expect("converges")
                 },
             );
         let [cg, jacobi, _, southwell] = &solved;

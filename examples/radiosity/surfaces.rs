@@ -1,5 +1,7 @@
 //! What the elements of a mesh are made of, a few bands at a time.
 
+use farfield_radiosity::Surfel;
+
 use crate::args::QuantityName;
 use crate::mesh::Mesh;
 use crate::scene::Scene;
@@ -37,6 +39,28 @@ impl<const BANDS: usize> Surfaces<BANDS> {
         let of = |&material: &u32| materials[material as usize];
         let (emission, reflectance) = mesh.material.iter().map(of).unzip();
         Self { emission, reflectance }
+    }
+}
+
+impl Surfaces<1> {
+    /// How much brighter than the mean each face may be, for what samples may leave out; none if all
+    /// is dark.
+    pub(crate) fn brightness(&self, surfels: &[Surfel]) -> Option<Vec<f64>> {
+        let mut brightness: Vec<f64> = Vec::new();
+        let (mut emitted, mut absorbed, mut area) = (0.0, 0.0, 0.0);
+        for ((surfel, e), rho) in surfels.iter().zip(&self.emission).zip(&self.reflectance) {
+            area += surfel.area;
+            emitted += surfel.area * e[0];
+            absorbed += surfel.area * (1.0 - rho[0]);
+            let face = surfel.face as usize;
+            if surfel.face != Surfel::<f64>::NO_FACE && e[0] > 0.0 {
+                brightness.resize(brightness.len().max(face + 1), 0.0);
+                brightness[face] = brightness[face].max(e[0]);
+            }
+        }
+        // All light that is emitted is absorbed in the end: that is what it takes on average.
+        let mean = emitted / absorbed.max(1e-3 * area);
+        (mean > 0.0).then(|| brightness.into_iter().map(|e| (e / mean).max(1.0)).collect())
     }
 }
 

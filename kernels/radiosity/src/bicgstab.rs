@@ -3,7 +3,8 @@
 use farfield::Real;
 
 use crate::error::Error;
-use crate::solve::{Solution, Stop, Watch, add, check, check_length, relative_residual, residuals};
+use crate::solve::{Solution, Stop, check};
+use crate::watch::{Report, Watch, add, checked, relative_residual, residuals};
 
 /// The radiosity equation (1 − ρ H) B = E by BiCGSTAB, from B = E (van der Vorst, SIAM J. Sci. Stat.
 /// Comput. 13, 1992).
@@ -21,43 +22,40 @@ use crate::solve::{Solution, Stop, Watch, add, check, check_length, relative_res
 /// # Errors
 /// Those of [`jacobi`](crate::jacobi), and [`Error::NegativeRadiosity`] where the equation has a solution
 /// but no bounces of light lead to it, since rows sum to too much.
-pub fn bicgstab<T: Real, const BANDS: usize, E: Into<Error>>(
+pub fn bicgstab<T: Real, const BANDS: usize, E: Into<Error>, R: Report>(
     emission: &[[T; BANDS]],
     reflectance: &[[T; BANDS]],
     stop: Stop,
-    mut gather: impl FnMut(&[[T; BANDS]]) -> Result<Vec<[T; BANDS]>, E>,
-    mut progress: impl FnMut(usize, f64),
+    gather: impl FnMut(&[[T; BANDS]]) -> Result<Vec<[T; BANDS]>, E>,
+    progress: impl FnMut(usize, f64) -> R,
 ) -> Result<Solution<T, BANDS>, Error> {
     check(emission, reflectance)?;
-    let mut apply = |b: &[[T; BANDS]]| {
-        let irradiance = gather(b).map_err(E::into)?;
-        check_length("irradiance", irradiance.len(), b.len())?;
-        Ok::<_, Error>(irradiance)
-    };
-
-    let mut watch = Watch::new(stop);
+    let mut gather = checked(gather);
+    let mut watch = Watch::new(stop, progress);
     let mut radiosity = emission.to_vec();
     let mut iterations = 0;
     loop {
         iterations += 1;
-        let irradiance = apply(&radiosity)?;
+        let irradiance = gather(&radiosity)?;
         let mut r = residuals(emission, reflectance, &irradiance, &radiosity);
         let residual = relative_residual(&r, emission);
-        progress(iterations, residual);
         if watch.is_done(iterations, residual)? {
-            check_sign(&radiosity)?;
-            return Ok(Solution { radiosity, irradiance, iterations, residual });
+            let interrupted = residual > stop.tolerance;
+            if !interrupted {
+                check_sign(&radiosity)?;
+            }
+            return Ok(Solution { radiosity, irradiance, iterations, residual, interrupted });
         }
         let shadow = r.clone();
         let mut p = r.clone();
         let mut rho = product(&shadow, &r);
         loop {
-            let v = outgoing(&p, reflectance, &apply(&p)?);
+            let v = outgoing(&p, reflectance, &gather(&p)?);
             let alpha = quotients::<T, BANDS>(rho, product(&shadow, &v), norms(&shadow, &v));
             advance(&mut radiosity, alpha.map(|a| a.unwrap_or(0.0)), &p);
             advance(&mut r, alpha.map(|a| -a.unwrap_or(0.0)), &v);
 
-            let t = outgoing(&r, reflectance, &apply(&r)?);
+            let t = outgoing(&r, reflectance, &gather(&r)?);
             let (aligned, squared, size) = (product(&t, &r), product(&t, &t), norms(&t, &r));
             // Where either scalar is lost the residual may stay as it is for ever: there light bounces.
             let bounce = |k: usize| {
@@ -68,10 +66,7 @@ pub fn bicgstab<T: Real, const BANDS: usize, E: Into<Error>>(
             advance(&mut radiosity, omega, &r);
             advance(&mut r, omega.map(|w| -w), &t);
             iterations += 2;
-            let estimate = relative_residual(&r, emission);
-            progress(iterations, estimate);
-            let goes_on = estimate > ESTIMATE_SHARE * stop.tolerance && estimate.is_finite();
-            if !goes_on || iterations >= stop.max_iterations {
+            if !watch.goes_on(iterations, relative_residual(&r, emission)) {
                 break;
             }
 
@@ -98,10 +93,6 @@ pub fn bicgstab<T: Real, const BANDS: usize, E: Into<Error>>(
         }
     }
 }
-
-/// The share of the tolerance to which the estimate of the residual must fall before the residual
-/// itself is looked at.
-const ESTIMATE_SHARE: f64 = 0.9;
 
 /// The negative part of a radiosity, relative to all of it, that errors of a sum don't explain.
 const NEGATIVE_SHARE: f64 = 0.01;
@@ -172,6 +163,7 @@ mod tests {
     use crate::{conjugate_gradients, jacobi};
     use approx::assert_relative_eq;
     use std::convert::Infallible;
+    use std::ops::ControlFlow;
 
     const TIGHT: Stop = Stop { tolerance: 1e-10, max_iterations: 10_000 };
 
@@ -254,6 +246,10 @@ mod tests {
         let apply = |b: &[[f64; 1]]| gather(&factors, b);
         let error = bicgstab(&emission, &reflectance, stop, apply, |_, _| ()).unwrap_err();
         assert!(matches!(error, Error::NegativeRadiosity { band: 0, found, .. } if found < 0.0));
+        // What an interrupted iteration has may be anything.
+        let ends = |i, _| if i < 3 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) };
+        let part = bicgstab(&emission, &reflectance, stop, apply, ends).unwrap();
+        assert!(part.interrupted && part.radiosity.iter().any(|b| b[0] < -0.1), "{part:?}");
     }
 
     #[test]

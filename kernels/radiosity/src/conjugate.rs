@@ -3,8 +3,9 @@
 use farfield::Real;
 
 use crate::error::Error;
-use crate::solve::{Solution, Stop, Watch, add, check, check_length, relative_residual, residuals};
+use crate::solve::{Solution, Stop, check, check_length};
 use crate::surfel::{Surfel, check_surfels};
+use crate::watch::{Report, Watch, add, checked, relative_residual, residuals};
 
 /// The radiosity equation by conjugate gradients on its symmetric form, from B = E:
 ///
@@ -21,22 +22,18 @@ use crate::surfel::{Surfel, check_surfels};
 /// # Errors
 /// Those of [`jacobi`](crate::jacobi), those of [`check_surfels`], and [`Error::NotPositiveDefinite`] if rows sum to too
 /// much for a solution to exist.
-pub fn conjugate_gradients<T: Real, const BANDS: usize, E: Into<Error>>(
+pub fn conjugate_gradients<T: Real, const BANDS: usize, E: Into<Error>, R: Report>(
     surfels: &[Surfel<T>],
     emission: &[[T; BANDS]],
     reflectance: &[[T; BANDS]],
     stop: Stop,
-    mut gather: impl FnMut(&[[T; BANDS]]) -> Result<Vec<[T; BANDS]>, E>,
-    mut progress: impl FnMut(usize, f64),
+    gather: impl FnMut(&[[T; BANDS]]) -> Result<Vec<[T; BANDS]>, E>,
+    progress: impl FnMut(usize, f64) -> R,
 ) -> Result<Solution<T, BANDS>, Error> {
     check(emission, reflectance)?;
     check_surfels(surfels)?;
     check_length("emission", emission.len(), surfels.len())?;
-    let mut apply = |b: &[[T; BANDS]]| {
-        let irradiance = gather(b).map_err(E::into)?;
-        check_length("irradiance", irradiance.len(), b.len())?;
-        Ok::<_, Error>(irradiance)
-    };
+    let mut gather = checked(gather);
     // <a, b> = Σ A/ρ a b, band by band; without reflectance, both are 0.
     let product = |a: &[[T; BANDS]], b: &[[T; BANDS]]| -> [f64; BANDS] {
         std::array::from_fn(|k| {
@@ -49,22 +46,22 @@ pub fn conjugate_gradients<T: Real, const BANDS: usize, E: Into<Error>>(
         })
     };
 
-    let mut watch = Watch::new(stop);
+    let mut watch = Watch::new(stop, progress);
     let mut radiosity = emission.to_vec();
     let mut iterations = 0;
     loop {
         iterations += 1;
-        let irradiance = apply(&radiosity)?;
+        let irradiance = gather(&radiosity)?;
         let mut r = residuals(emission, reflectance, &irradiance, &radiosity);
         let residual = relative_residual(&r, emission);
-        progress(iterations, residual);
         if watch.is_done(iterations, residual)? {
-            return Ok(Solution { radiosity, irradiance, iterations, residual });
+            let interrupted = residual > stop.tolerance;
+            return Ok(Solution { radiosity, irradiance, iterations, residual, interrupted });
         }
         let mut p = r.clone();
         let mut squared = product(&r, &r);
         loop {
-            let received = apply(&p)?;
+            let received = gather(&p)?;
             iterations += 1;
             // q = D⁻¹ (D − A H) p
             let q: Vec<[T; BANDS]> = (0..p.len())
@@ -84,10 +81,7 @@ pub fn conjugate_gradients<T: Real, const BANDS: usize, E: Into<Error>>(
                 add(b, &std::array::from_fn(|k| step[k] * p[k]));
                 add(r, &std::array::from_fn(|k| -step[k] * q[k]));
             }
-            let estimate = relative_residual(&r, emission);
-            progress(iterations, estimate);
-            let goes_on = estimate > ESTIMATE_SHARE * stop.tolerance && estimate.is_finite();
-            if !goes_on || iterations >= stop.max_iterations {
+            if !watch.goes_on(iterations, relative_residual(&r, emission)) {
                 break;
             }
             let next = product(&r, &r);
@@ -101,10 +95,6 @@ pub fn conjugate_gradients<T: Real, const BANDS: usize, E: Into<Error>>(
         }
     }
 }
-
-/// The share of the tolerance to which the estimate of the residual must fall before the residual
-/// itself is looked at.
-const ESTIMATE_SHARE: f64 = 0.9;
 
 #[cfg(test)]
 pub(crate) mod tests {

@@ -54,6 +54,7 @@ mod surfel;
 mod tally;
 mod visibility;
 mod wall;
+mod watch;
 
 pub use bicgstab::bicgstab;
 pub use bvh::{Hit, Occluders};
@@ -74,3 +75,4 @@ pub use sixteen_moment::SixteenMoment;
 pub use solve::{EnergyBalance, Solution, Stop, energy_balance, jacobi, southwell};
 pub use surfel::{Projections, Surfel, check_emission, check_reflectance, check_surfels};
 pub use visibility::{PairCounts, Visibility};
+pub use watch::Report;

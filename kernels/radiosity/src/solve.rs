@@ -6,6 +6,7 @@ use farfield::Real;
 
 use crate::error::Error;
 use crate::surfel::{Surfel, check_emission, check_reflectance};
+use crate::watch::{Report, Watch, add, checked, relative_residual, residuals};
 
 /// When a solver stops.
 ///
@@ -37,12 +38,14 @@ pub struct Solution<T, const BANDS: usize> {
     pub iterations: usize,
     /// The residual of this B; see [`Stop`].
     pub residual: f64,
+    /// Whether `progress` ended the iteration before the tolerance was reached; see [`Report`].
+    pub interrupted: bool,
 }
 
 /// Jacobi's iteration B ← E + ρ H(B), known as gathering, from B = E.
 ///
 /// `gather` is H: from the radiosity of all surfels to the irradiance of all surfels, such as
-/// `|b| fmm.apply(b)`. `progress` is told the iteration and its residual.
+/// `|b| fmm.apply(b)`. `progress` is told the iteration and its residual, and may end it; see [`Report`].
 ///
 /// It converges like the powers of the largest of ρ times the row sums of H: 0.9ᵏ in a closed white
 /// room. Row sums above 1, which factors of touching surfels can have, may make it diverge.
@@ -51,26 +54,26 @@ pub struct Solution<T, const BANDS: usize> {
 /// [`Error::InvalidEmission`], [`Error::InvalidReflectance`] or [`Error::LengthMismatch`] for bad
 /// input, whatever `gather` fails with, [`Error::Diverged`] or [`Error::NotConverged`] with the
 /// residual reached.
-pub fn jacobi<T: Real, const BANDS: usize, E: Into<Error>>(
+pub fn jacobi<T: Real, const BANDS: usize, E: Into<Error>, R: Report>(
     emission: &[[T; BANDS]],
     reflectance: &[[T; BANDS]],
     stop: Stop,
-    mut gather: impl FnMut(&[[T; BANDS]]) -> Result<Vec<[T; BANDS]>, E>,
-    mut progress: impl FnMut(usize, f64),
+    gather: impl FnMut(&[[T; BANDS]]) -> Result<Vec<[T; BANDS]>, E>,
+    progress: impl FnMut(usize, f64) -> R,
 ) -> Result<Solution<T, BANDS>, Error> {
     check(emission, reflectance)?;
-    let mut watch = Watch::new(stop);
+    let mut gather = checked(gather);
+    let mut watch = Watch::new(stop, progress);
     let mut radiosity = emission.to_vec();
-    let mut iteration = 0;
+    let mut iterations = 0;
     loop {
-        iteration += 1;
-        let irradiance = gather(&radiosity).map_err(E::into)?;
-        check_length("irradiance", irradiance.len(), emission.len())?;
+        iterations += 1;
+        let irradiance = gather(&radiosity)?;
         let residuals = residuals(emission, reflectance, &irradiance, &radiosity);
         let residual = relative_residual(&residuals, emission);
-        progress(iteration, residual);
-        if watch.is_done(iteration, residual)? {
-            return Ok(Solution { radiosity, irradiance, iterations: iteration, residual });
+        if watch.is_done(iterations, residual)? {
+            let interrupted = residual > stop.tolerance;
+            return Ok(Solution { radiosity, irradiance, iterations, residual, interrupted });
         }
         for (b, r) in radiosity.iter_mut().zip(&residuals) {
             add(b, r);
@@ -89,23 +92,23 @@ pub fn jacobi<T: Real, const BANDS: usize, E: Into<Error>>(
 ///
 /// # Errors
 /// Those of [`jacobi`].
-pub fn southwell<T: Real, const BANDS: usize, E: Into<Error>>(
+pub fn southwell<T: Real, const BANDS: usize, E: Into<Error>, R: Report>(
     surfels: &[Surfel<T>],
     emission: &[[T; BANDS]],
     reflectance: &[[T; BANDS]],
     stop: Stop,
     mut column: impl FnMut(usize) -> Result<Vec<T>, E>,
-    mut progress: impl FnMut(usize, f64),
+    progress: impl FnMut(usize, f64) -> R,
 ) -> Result<Solution<T, BANDS>, Error> {
     check(emission, reflectance)?;
     check_length("emission", emission.len(), surfels.len())?;
-    let mut watch = Watch::new(stop);
+    let mut watch = Watch::new(stop, progress);
     let mut unshot = emission.to_vec();
     let mut radiosity = vec![[T::from_f64(0.0); BANDS]; surfels.len()];
     let mut irradiance = radiosity.clone();
-    let mut iteration = 0;
+    let mut iterations = 0;
     loop {
-        iteration += 1;
+        iterations += 1;
         let power = |i: &usize| {
             let r: f64 = unshot[*i].iter().map(|r| r.as_f64().abs()).sum();
             r * surfels[*i].area.as_f64()
@@ -124,9 +127,9 @@ pub fn southwell<T: Real, const BANDS: usize, E: Into<Error>>(
             }
         }
         let residual = relative_residual(&unshot, emission);
-        progress(iteration, residual);
-        if watch.is_done(iteration, residual)? {
-            return Ok(Solution { radiosity, irradiance, iterations: iteration, residual });
+        if watch.is_done(iterations, residual)? {
+            let interrupted = residual > stop.tolerance;
+            return Ok(Solution { radiosity, irradiance, iterations, residual, interrupted });
         }
     }
 }
@@ -187,72 +190,6 @@ pub fn energy_balance<T: Real, const BANDS: usize>(
     })
 }
 
-/// Decides when an iteration ends.
-pub(crate) struct Watch {
-    stop: Stop,
-    best: f64,
-}
-
-/// A residual that has grown so much over the best one seen won't come down again.
-const DIVERGENCE: f64 = 100.0;
-
-impl Watch {
-    pub(crate) fn new(stop: Stop) -> Self {
-        Self { stop, best: f64::INFINITY }
-    }
-
-    /// Whether the tolerance is reached; an error if it never will be or may no longer be tried.
-    pub(crate) fn is_done(&mut self, iterations: usize, residual: f64) -> Result<bool, Error> {
-        if residual <= self.stop.tolerance {
-            return Ok(true);
-        }
-        if !(residual.is_finite() && residual <= DIVERGENCE * self.best) {
-            return Err(Error::Diverged { iterations, residual });
-        }
-        if iterations >= self.stop.max_iterations {
-            let tolerance = self.stop.tolerance;
-            return Err(Error::NotConverged { iterations, residual, tolerance });
-        }
-        self.best = self.best.min(residual);
-        Ok(false)
-    }
-}
-
-/// r = E + ρ H − B.
-pub(crate) fn residuals<T: Real, const BANDS: usize>(
-    emission: &[[T; BANDS]],
-    reflectance: &[[T; BANDS]],
-    irradiance: &[[T; BANDS]],
-    radiosity: &[[T; BANDS]],
-) -> Vec<[T; BANDS]> {
-    let r = |i: usize, k: usize| {
-        emission[i][k] + reflectance[i][k] * irradiance[i][k] - radiosity[i][k]
-    };
-    (0..emission.len()).map(|i| std::array::from_fn(|k| r(i, k))).collect()
-}
-
-/// The largest ‖r‖₂ / ‖E‖₂ over the bands; a band without light has none.
-pub(crate) fn relative_residual<T: Real, const BANDS: usize>(
-    residuals: &[[T; BANDS]],
-    emission: &[[T; BANDS]],
-) -> f64 {
-    let norm = |rows: &[[T; BANDS]], k: usize| -> f64 {
-        rows.iter().map(|row| row[k].norm_squared()).sum::<f64>().sqrt()
-    };
-    let ratios = (0..BANDS).map(|k| match (norm(residuals, k), norm(emission, k)) {
-        (0.0, _) => 0.0,
-        (r, e) => r / e,
-    });
-    // Unlike f64::max, this doesn't lose a NaN.
-    ratios.fold(0.0, |largest, ratio| if ratio <= largest { largest } else { ratio })
-}
-
-pub(crate) fn add<T: Real, const BANDS: usize>(sum: &mut [T; BANDS], term: &[T; BANDS]) {
-    for (s, t) in sum.iter_mut().zip(term) {
-        *s += *t;
-    }
-}
-
 pub(crate) fn check<T: Real, const BANDS: usize>(
     emission: &[[T; BANDS]],
     reflectance: &[[T; BANDS]],
@@ -269,10 +206,12 @@ pub(crate) fn check_length(what: &'static str, found: usize, expected: usize) ->
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{bicgstab, conjugate_gradients};
     use approx::assert_relative_eq;
     use farfield::relative_l2_error;
     use glam::DVec3;
     use std::convert::Infallible;
+    use std::ops::ControlFlow;
 
     /// Three surfels of areas 1, 2, 4 with a reciprocal exchange that isn't closed.
     const AREAS: [f64; 3] = [1.0, 2.0, 4.0];
@@ -352,6 +291,45 @@ mod tests {
     }
 
     #[test]
+    fn interrupted_solvers_return_what_they_have_and_its_residual() {
+        for last in 1..4 {
+            let ends = |iteration, _| match iteration < last {
+                true => ControlFlow::Continue(()),
+                false => ControlFlow::Break(()),
+            };
+            let surfels = surfels();
+            let solved = [
+                jacobi(&E, &RHO, TIGHT, gather, ends),
+                southwell(&surfels, &E, &RHO, TIGHT, column, ends),
+                conjugate_gradients(&surfels, &E, &RHO, TIGHT, gather, ends),
+                bicgstab(&E, &RHO, TIGHT, gather, ends),
+            ];
+            for (solver, solution) in solved.into_iter().enumerate() {
+                let solution = solution.unwrap();
+                // Krylov solvers notice after whole steps only, and gather once more.
+                let most = last + [0, 0, 1, 2][solver];
+                assert!((last..=most).contains(&solution.iterations), "{solver}: {solution:?}");
+                assert!(solution.interrupted && solution.residual > 1e-4, "{solver}: {solution:?}");
+                let irradiance = gather(&solution.radiosity).unwrap();
+                assert!(relative_l2_error(&solution.irradiance, &irradiance) < 1e-14);
+                let r = residuals(&E, &RHO, &irradiance, &solution.radiosity);
+                let residual = relative_residual(&r, &E);
+                assert_relative_eq!(solution.residual, residual, max_relative = 1e-9);
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_good_enough_is_not_called_interrupted() {
+        let ends = |_, _| ControlFlow::Break(());
+        let stop = Stop { tolerance: 0.9, ..TIGHT };
+        assert!(!jacobi(&E, &RHO, stop, gather, ends).unwrap().interrupted);
+        let nan = |_: &[[f64; 1]]| Ok::<_, Infallible>(vec![[f64::NAN]]);
+        let error = jacobi(&[[1.0]], &[[0.9]], TIGHT, nan, ends).unwrap_err();
+        assert!(matches!(error, Error::Diverged { iterations: 1, .. }), "{error}");
+    }
+
+    #[test]
     fn amplifying_exchange_is_reported_not_returned() {
         let amplify =
             |b: &[[f64; 1]]| Ok::<_, Infallible>(b.iter().map(|b| [b[0] * 1.3]).collect());
@@ -396,7 +374,7 @@ mod tests {
         let dark = jacobi(&[[0.0; 2]; 3], &RHO, Stop::default(), gather, |_, _| ()).unwrap();
         assert_eq!((dark.iterations, dark.residual), (1, 0.0));
         let nothing =
-            southwell::<f64, 1, _>(&[], &[], &[], Stop::default(), column, |_, _| ()).unwrap();
+            southwell::<f64, 1, _, _>(&[], &[], &[], Stop::default(), column, |_, _| ()).unwrap();
         assert!(nothing.radiosity.is_empty());
     }
 }
