@@ -5,26 +5,20 @@ use std::sync::atomic::Ordering;
 
 use farfield::Real;
 
-use crate::facet::{Facet, ordered};
+use crate::facet::Facet;
 use crate::operator::mixed;
-use crate::packet::AllPairs;
+use crate::packet::{AllPairs, LANES, SomePairs};
 use crate::sampling::{RAYS, Sampling, Seen};
-use crate::shaft::position;
 use crate::surfel::{Projections, Surfel};
 use crate::visibility::Visibility;
-
-/// From so many facets on that may hide some of the pairs, each pair looks for its own in the hierarchy.
-pub(crate) const MOST_CANDIDATES: usize = 12;
 
 /// Two leaves whose pairs are being asked about.
 pub(crate) struct Asked<'a, T: Real> {
     pub(crate) xs: &'a [Surfel<T>],
     pub(crate) ys: &'a [Surfel<T>],
     pub(crate) visibility: &'a Visibility<'a>,
-    /// The facets that may hide any of the pairs, if they are few.
-    pub(crate) candidates: Option<Vec<Facet>>,
     /// What hid a pair most lately.
-    pub(crate) last: Option<Facet>,
+    pub(crate) last: Option<&'a Facet>,
     pub(crate) count: &'a mut dyn FnMut(usize, usize),
     pub(crate) facing: u64,
     pub(crate) visible: u64,
@@ -64,23 +58,31 @@ impl<T: Real> Asked<'_, T> {
         }
         let key = mixed(((rows.start as u64) << 32) | columns.start as u64);
         let (i, j) = (rows.start, columns.start);
-        let seen = Seen::of(x.len(), y.len(), key, |k, l| self.sees(i + k, j + l));
+        let seen = Seen::of(x.len(), y.len(), key, |pairs| {
+            let pairs: [_; RAYS] = std::array::from_fn(|k| (i + pairs[k].0, j + pairs[k].1));
+            self.see(&pairs)
+        });
         let both = if self.visibility.mirrored.load(Ordering::Relaxed) { 1.0 } else { 0.5 };
         self.visibility.add_variance(both * strength.variance(seen.count()) / RAYS as f64);
         if let 0 | RAYS = seen.count() {
             self.answer_all(rows, columns, seen.count() > 0);
         } else if seen.columns_agree() {
-            let sample =
-                |i: usize| columns.start + (mixed(key ^ i as u64) as usize) % columns.len();
-            for i in rows {
-                let sees = self.sees(i, sample(i));
-                self.answer_all(i..i + 1, columns.clone(), sees);
+            let sample = |i| (i, columns.start + mixed(key ^ i as u64) as usize % columns.len());
+            let sampled: Vec<_> = rows.map(sample).collect();
+            for pairs in sampled.chunks(LANES) {
+                let seen = self.see(pairs);
+                for (lane, &(i, _)) in pairs.iter().enumerate() {
+                    self.answer_all(i..i + 1, columns.clone(), seen >> lane & 1 > 0);
+                }
             }
         } else if seen.rows_agree() {
-            let sample = |j: usize| rows.start + (mixed(key ^ j as u64) as usize) % rows.len();
-            for j in columns {
-                let sees = self.sees(sample(j), j);
-                self.answer_all(rows.clone(), j..j + 1, sees);
+            let sample = |j| (rows.start + mixed(key ^ j as u64) as usize % rows.len(), j);
+            let sampled: Vec<_> = columns.map(sample).collect();
+            for pairs in sampled.chunks(LANES) {
+                let seen = self.see(pairs);
+                for (lane, &(_, j)) in pairs.iter().enumerate() {
+                    self.answer_all(rows.clone(), j..j + 1, seen >> lane & 1 > 0);
+                }
             }
         } else {
             self.halves(sampling, rows, columns);
@@ -113,22 +115,11 @@ impl<T: Real> Asked<'_, T> {
         }
     }
 
-    fn sees(&mut self, i: usize, j: usize) -> bool {
-        let (x, y) = (&self.xs[i], &self.ys[j]);
-        let (from, to) = ordered(position(x), position(y));
-        let margin = self.visibility.occluders.margin();
-        self.rays += 1;
-        let blocks = |facet: &Facet| facet.blocks(from, to, [x.face, y.face], margin);
-        // What hides one pair is likely to hide the next.
-        if self.last.as_ref().is_some_and(blocks) {
-            return false;
-        }
-        let found = match &self.candidates {
-            Some(candidates) => candidates.iter().find(|facet| blocks(facet)),
-            None => self.visibility.occluders.blocker(from, to, [x.face, y.face]),
-        };
-        self.last = found.copied().or(self.last);
-        found.is_none()
+    /// Which of some pairs are unhidden, a bit each.
+    fn see(&mut self, pairs: &[(usize, usize)]) -> u16 {
+        self.rays += pairs.len() as u64;
+        let Self { xs, ys, last, visibility: Visibility { occluders, .. }, .. } = self;
+        SomePairs { occluders, xs, ys, pairs, last }.run()
     }
 
     fn answer(&mut self, i: usize, j: usize, sees: bool) {

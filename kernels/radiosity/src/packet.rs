@@ -12,13 +12,13 @@ use farfield::{Real, Vector};
 use glam::DVec3;
 use pulp::{Arch, Simd, WithSimd};
 
-use crate::bvh::{MAX_DEPTH, Occluders};
+use crate::bvh::{MAX_DEPTH, Occluders, SmallNode};
 use crate::facet::{Facet, ordered};
 use crate::shaft::position;
 use crate::surfel::Surfel;
 
 /// Rays side by side: 512 bits of `f32`.
-const LANES: usize = 16;
+pub(crate) const LANES: usize = 16;
 
 const NO_FACE: u32 = Surfel::<f64>::NO_FACE;
 
@@ -68,6 +68,38 @@ impl<T: Real> WithSimd for AllPairs<'_, T> {
                 answer(i, j, packet.unhidden[lane]);
             }
         }
+    }
+}
+
+/// Some pairs of two groups of surfels, [`LANES`] at most.
+pub(crate) struct SomePairs<'a, 'b, T: Real> {
+    pub(crate) occluders: &'a Occluders,
+    pub(crate) xs: &'b [Surfel<T>],
+    pub(crate) ys: &'b [Surfel<T>],
+    pub(crate) pairs: &'b [(usize, usize)],
+    /// What hid another pair most lately.
+    pub(crate) last: &'b mut Option<&'a Facet>,
+}
+
+impl<T: Real> SomePairs<'_, '_, T> {
+    /// Which of them are unhidden, a bit each.
+    pub(crate) fn run(self) -> u16 {
+        Arch::new().dispatch(self)
+    }
+}
+
+impl<T: Real> WithSimd for SomePairs<'_, '_, T> {
+    type Output = u16;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _simd: S) -> u16 {
+        let mut packet = Packet::new(self.occluders, self.xs, self.ys, self.pairs);
+        packet.trace(self.last);
+        let mut unhidden = 0;
+        for lane in 0..self.pairs.len() {
+            unhidden |= u16::from(packet.unhidden[lane]) << lane;
+        }
+        unhidden
     }
 }
 
@@ -209,30 +241,40 @@ impl<'a> Packet<'a> {
         let mut height = usize::from(!nodes.is_empty());
         while height > 0 {
             height -= 1;
-            let mut at = stack[height];
+            let mut at = stack[height] as usize;
             loop {
-                let node = &nodes[at as usize];
-                let low = std::array::from_fn(|k| node.low[k] - slack);
-                let high = std::array::from_fn(|k| node.high[k] + slack);
-                if !self.meets(low, high) {
-                    break;
-                }
+                let node = &nodes[at];
                 if node.count > 0 {
                     for facet in occluders.facets_of(node) {
                         self.ask(facet, last);
                     }
                     break;
                 }
-                stack[height] = node.first;
-                height += 1;
-                at += 1;
+                // Both children at once: neither has to wait for the other's result.
+                let second = node.first as usize;
+                let one = self.meets(&nodes[at + 1], slack);
+                let other = self.meets(&nodes[second], slack);
+                if other {
+                    stack[height] = node.first;
+                    height += 1;
+                }
+                if one {
+                    at += 1;
+                } else if other {
+                    height -= 1;
+                    at = second;
+                } else {
+                    break;
+                }
             }
         }
     }
 
-    /// Whether some segment that is still looked at may meet a box; see `Slabs`.
+    /// Whether some segment that is still looked at may meet a node's box; see `Slabs`.
     #[inline(always)]
-    fn meets(&self, low: [f32; 3], high: [f32; 3]) -> bool {
+    fn meets(&self, node: &SmallNode, slack: f32) -> bool {
+        let low = [node.low[0] - slack, node.low[1] - slack, node.low[2] - slack];
+        let high = [node.high[0] + slack, node.high[1] + slack, node.high[2] + slack];
         let mut any = 0u32;
         for lane in 0..LANES {
             let (mut enter, mut leave) = (0.0f32, self.end[lane]);

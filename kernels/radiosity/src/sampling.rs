@@ -99,15 +99,16 @@ fn samples(n: usize, m: usize, turn: u64) -> impl Iterator<Item = (usize, usize)
 pub(crate) struct Seen(u16);
 
 impl Seen {
-    /// What `sees` says about [`samples`] of `n` and `m` points.
+    /// What `see` says about [`samples`] of `n` and `m` points: a bit for each.
     pub(crate) fn of(
         n: usize,
         m: usize,
         turn: u64,
-        mut sees: impl FnMut(usize, usize) -> bool,
+        see: impl FnOnce(&[(usize, usize)]) -> u16,
     ) -> Self {
-        let samples = samples(n, m, turn).enumerate();
-        Self(samples.fold(0, |seen, (k, (i, j))| seen | u16::from(sees(i, j)) << k))
+        let mut pairs = [(0, 0); RAYS];
+        samples(n, m, turn).zip(&mut pairs).for_each(|(sample, pair)| *pair = sample);
+        Self(see(&pairs))
     }
 
     /// How many.
@@ -227,7 +228,11 @@ mod tests {
     #[test]
     fn rows_and_columns_of_rays_agree_unless_they_see_different_shares() {
         let seen = |sees: &dyn Fn(usize, usize) -> bool| {
-            let seen = Seen::of(ROWS, ROWS, 0, sees);
+            let see = |pairs: &[(usize, usize)]| {
+                let bits = pairs.iter().enumerate().map(|(k, &(i, j))| u16::from(sees(i, j)) << k);
+                bits.fold(0, std::ops::BitOr::bitor)
+            };
+            let seen = Seen::of(ROWS, ROWS, 0, see);
             (seen.count(), seen.rows_agree(), seen.columns_agree())
         };
         assert_eq!(seen(&|_, _| false), (0, true, true));

@@ -75,23 +75,6 @@ impl<'a, T: Real> Shaft<'a, T> {
         hidden
     }
 
-    /// The facets that may hide some source from some target, if there are at most `most`: all others
-    /// certainly don't.
-    pub(crate) fn candidates(&self, occluders: &Occluders, most: usize) -> Option<Vec<Facet>> {
-        let margin = occluders.margin();
-        let mut candidates = Vec::new();
-        let beyond = occluders.visit(
-            |node| self.meets(node),
-            |facet| {
-                if self.may_block(facet, margin) {
-                    candidates.push(*facet);
-                }
-                candidates.len() > most
-            },
-        );
-        beyond.is_none().then_some(candidates)
-    }
-
     /// Whether a box may have a point in common with the hull.
     fn meets(&self, node: &Bounds<f64>) -> bool {
         let reaches = |plane: &Plane| {

@@ -4,12 +4,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use farfield::{CellView, Columns, Coverage, Mask, Real};
 
-use crate::asked::{Asked, MOST_CANDIDATES};
+use crate::asked::Asked;
 use crate::bvh::Occluders;
 use crate::error::Error;
 use crate::facing::facing;
 use crate::kernel::Irradiance;
 use crate::operator::mixed;
+use crate::packet::SomePairs;
 use crate::sampling::{RAYS, Sampling, Seen, order};
 use crate::shaft::{Shaft, position};
 use crate::surfel::{Projections, Surfel};
@@ -138,7 +139,10 @@ impl<'a> Visibility<'a> {
         if !sampling.accepts(&strength) {
             return None;
         }
-        let seen = Seen::of(x.len(), y.len(), key, |i, j| self.sees(&x[i], &y[j]));
+        let seen = Seen::of(x.len(), y.len(), key, |pairs| {
+            self.rays.add(pairs.len() as u64);
+            SomePairs { occluders: self.occluders, xs: x, ys: y, pairs, last: &mut None }.run()
+        });
         let uneven = !(seen.rows_agree() && seen.columns_agree());
         if uneven && !sampling.accepts_blindly(&strength) {
             return None;
@@ -229,23 +233,11 @@ impl<T: Real, C: Columns<T>> Mask<Irradiance<T, C>> for Visibility<'_> {
     ) {
         let same = targets.cell == sources.cell;
         let (xs, ys) = (targets.points, sources.points);
-        let mut asked = Asked {
-            xs,
-            ys,
-            visibility: self,
-            candidates: None,
-            last: None,
-            count,
-            facing: 0,
-            visible: 0,
-            rays: 0,
-        };
+        let mut asked =
+            Asked { xs, ys, visibility: self, last: None, count, facing: 0, visible: 0, rays: 0 };
         match &self.sampling {
             // Both halves of a cell with itself have to come out alike.
-            Some(sampling) if !same => {
-                asked.candidates = Shaft::new(xs, ys).candidates(self.occluders, MOST_CANDIDATES);
-                asked.groups(sampling, 0..xs.len(), 0..ys.len());
-            }
+            Some(sampling) if !same => asked.groups(sampling, 0..xs.len(), 0..ys.len()),
             _ => asked.one_by_one(0..xs.len(), 0..ys.len()),
         }
         let Asked { facing, visible, rays, .. } = asked;
