@@ -111,6 +111,16 @@ pub enum Error {
         /// The order given.
         found: usize,
     },
+    /// A rule for sampling that can't be followed.
+    #[error("{what} of the samples is {found}: expected {expected}")]
+    InvalidSampling {
+        /// The field of the rule.
+        what: &'static str,
+        /// What it is.
+        found: f64,
+        /// What it must be.
+        expected: &'static str,
+    },
     /// A leaf size of zero.
     #[error("leaf size 0: expected at least 1 point per leaf")]
     InvalidLeafSize,

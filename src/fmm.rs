@@ -13,7 +13,7 @@ use crate::layout::{Layout, Parts};
 use crate::lists::{Costs, Lists};
 use crate::mask::{Mask, Unmasked};
 use crate::pace::pair_seconds;
-use crate::passes::{Plan, Scheme, Workspace};
+use crate::plan::{Plan, Scheme, Workspace};
 use crate::real::{Additive, Located, Real};
 use crate::stats::{Stats, stats};
 use crate::times::{ApplyTimes, BuildTimes, Clock};
@@ -61,7 +61,7 @@ pub struct Progress {
 /// # Ok::<(), farfield::Error>(())
 /// ```
 pub struct Fmm<E: Expansion> {
-    plan: Plan<E>,
+    pub(crate) plan: Plan<E>,
     stats: Stats,
     build_times: BuildTimes,
     idle: Mutex<Vec<Workspace<E>>>,
@@ -134,7 +134,7 @@ impl<E: Expansion> Fmm<E> {
         &self.plan.expansion
     }
 
-    fn check_charges(&self, charges: &[ChargeOf<E>]) -> Result<(), Error> {
+    pub(crate) fn check_charges(&self, charges: &[ChargeOf<E>]) -> Result<(), Error> {
         if charges.len() != self.plan.sources.len() {
             let (expected, found) = (self.plan.sources.len(), charges.len());
             return Err(Error::LengthMismatch { what: "charges", expected, found });
@@ -148,7 +148,7 @@ impl<E: Expansion> Fmm<E> {
     }
 
     /// Lends a workspace that no other call is using: allocated once, then kept.
-    fn with_workspace<V>(&self, work: impl FnOnce(&mut Workspace<E>) -> V) -> V {
+    pub(crate) fn with_workspace<V>(&self, work: impl FnOnce(&mut Workspace<E>) -> V) -> V {
         let idle = self.idle.lock().unwrap_or_else(|e| e.into_inner()).pop();
         let mut workspace = idle.unwrap_or_else(|| Workspace::new(&self.plan));
         let result = work(&mut workspace);
@@ -157,7 +157,7 @@ impl<E: Expansion> Fmm<E> {
     }
 }
 
-fn check_values<V: Additive>(values: &[V]) -> Result<(), Error> {
+pub(crate) fn check_values<V: Additive>(values: &[V]) -> Result<(), Error> {
     match first_not_finite(values) {
         Some(index) => Err(Error::NonFiniteValue { index, value: format!("{:?}", values[index]) }),
         None => Ok(()),

@@ -44,6 +44,8 @@ mod error;
 mod products;
 mod dense;
 mod real;
+mod random;
+mod double_word;
 mod geometry;
 mod morton;
 mod shape;
@@ -63,13 +65,18 @@ mod traversal;
 mod layout;
 mod times;
 mod near;
+mod plan;
 mod passes;
+mod judge;
+mod sampling;
 mod stats;
 mod pace;
 mod fmm;
+mod certificate;
 mod exact;
 pub mod conformance;
 
+pub use certificate::Certificate;
 pub use error::{Error, PointSet};
 pub use expansion::{
     ChargeOf, Expansion, Geometry, Level, LevelFamilies, LevelPairs, OffsetMap, RealOf, SourceOf,
@@ -80,7 +87,8 @@ pub use geometry::{Cell, Cube, MAX_LEVEL};
 pub use interpolation::{Interpolation, MAX_ORDER};
 pub use kernel::{FnKernel, Kernel, Outcome, PointKernel, direct, from_fn, relative_l2_error};
 pub use mask::{CellView, Coverage, Mask, Unmasked, direct_masked};
-pub use passes::Scheme;
+pub use plan::Scheme;
 pub use real::{Additive, Columns, Linear, Located, Point, Real, Scalar, Vector};
+pub use sampling::Sampling;
 pub use stats::Stats;
 pub use times::{ApplyTimes, BuildTimes};

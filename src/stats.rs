@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use crate::expansion::Expansion;
 use crate::lists::{ALL, Lists};
-use crate::passes::{Plan, Workspace};
+use crate::plan::{Plan, Workspace};
 use crate::shape::Node;
 
 /// What a plan consists of.

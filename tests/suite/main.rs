@@ -1,5 +1,6 @@
 //! Integration tests: everything is held against direct summation, target by target.
 
+mod certificate;
 mod clouds;
 mod command_line;
 mod engine;
