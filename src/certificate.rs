@@ -25,6 +25,7 @@ use crate::sampling::{Sampling, Urn, upper_mean};
 /// the error relative to u grows by as much. [`backward_error`](Self::backward_error) is what is left
 /// of it when cancellation is taken out.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct Certificate {
     /// With probability [`confidence`](Self::confidence) at least, ‖error‖ / ‖u‖ over *all* targets is
     /// no more than this. Infinite if the values are no larger than their errors may be.

@@ -3,12 +3,14 @@
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use crate::expansion::{ChargeOf, Expansion, RealOf, SourceOf, TargetOf, ValueOf};
+use rayon::prelude::*;
+
+use crate::expansion::{ChargeOf, Expansion, Level, RealOf, SourceOf, TargetOf, ValueOf};
 use crate::layout::Layout;
 use crate::lists::Lists;
 use crate::near::Gathered;
 use crate::pool::Pool;
-use crate::real::Additive;
+use crate::real::{Additive, Real};
 use crate::tree::Tree;
 
 /// How a plan sums. All schemes give the same sums; they differ in cost.
@@ -85,4 +87,32 @@ impl<E: Expansion> Workspace<E> {
             + local_terms.iter().sum::<usize>() * size_of::<E::LocalTerm>()
             + plan.lists.p2l.items.len() * size_of::<AtomicBool>()
     }
+}
+
+/// The levels at which expansions are formed. M2P and P2L need the level of their expansion, and
+/// shifts need every level between the coarsest and the finest.
+pub(crate) fn levels<T: Real>(
+    lists: &Lists,
+    source_tree: &Tree<T>,
+    target_tree: &Tree<T>,
+    scheme: Scheme,
+) -> Vec<Level<T>> {
+    // Cells are stored from the coarsest level to the finest, so the first is on the coarsest.
+    let groups = 0..target_tree.cells.len();
+    let receives = |&t: &usize| lists.has_m2l(t) || !lists.p2l.of(t).is_empty();
+    let local = groups.into_iter().find(receives).map(|t| target_tree.shape.nodes[t].level());
+    let m2p = lists.m2p.items.par_iter().min();
+    let multipole = m2p.map(|&s| source_tree.shape.nodes[s as usize].level());
+    let Some(coarsest) = local.into_iter().chain(multipole).min() else { return Vec::new() };
+    let finest = source_tree.shape.levels().max(target_tree.shape.levels());
+    (coarsest..finest)
+        .map(|level| {
+            let target = target_tree.shape.level(level).next().map(|t| &target_tree.cells[t]);
+            let source = || source_tree.shape.level(level).next().map(|s| &source_tree.cells[s]);
+            let cell = target.or_else(source);
+            let half_width = cell.map_or(T::from_f64(0.0), |cell| cell.half_width());
+            let offsets = lists.offsets.get(level).filter(|_| scheme == Scheme::Fmm);
+            Level { level, half_width, offsets: offsets.cloned().unwrap_or_default() }
+        })
+        .collect()
 }

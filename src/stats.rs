@@ -11,6 +11,7 @@ use crate::shape::Node;
 
 /// What a plan consists of.
 #[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct Stats {
     /// Number of sources.
     pub sources: usize,

@@ -4,6 +4,7 @@ mod certificate;
 mod clouds;
 mod command_line;
 mod engine;
+mod estimate;
 mod extension;
 mod formulas;
 mod kernels;
