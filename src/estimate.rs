@@ -27,7 +27,7 @@ pub struct Estimate {
     pub plan_seconds: f64,
     /// Seconds of an application in the near field.
     pub near_seconds: f64,
-    /// Seconds of an application in expansions.
+    /// Seconds of an application in expansions; the roughest of all, and rather too low.
     pub far_seconds: f64,
     /// Seconds of the sum over all pairs, one by one.
     pub direct_seconds: f64,
