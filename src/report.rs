@@ -54,8 +54,8 @@ impl<E: Expansion> Fmm<E> {
     /// use glam::DVec3;
     ///
     /// let points: Vec<DVec3> = (0..3000).map(|i| DVec3::splat(f64::from(i)).map(f64::sin)).collect();
-    /// let kernel = from_fn(|x: DVec3, y: DVec3| (-x.distance(y)).exp());
-    /// let fmm = Fmm::builder(kernel).build(&points, &points)?;
+    /// let kernel = from_fn(|x: DVec3, y: DVec3| 1.0 / x.distance(y)).skip_coincident();
+    /// let fmm = Fmm::builder(kernel).tolerance(1e-3).build(&points, &points)?;
     /// let (_, times) = fmm.apply_timed(&vec![1.0; 3000])?;
     ///
     /// let report = fmm.report().with_apply(times);
