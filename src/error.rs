@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use crate::estimate::Estimate;
+
 /// Which of the two point sets an error speaks of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PointSet {
@@ -110,6 +112,24 @@ pub enum Error {
         max: usize,
         /// The order given.
         found: usize,
+    },
+    /// A rule for sampling that can't be followed.
+    #[error("{what} of the samples is {found}: expected {expected}")]
+    InvalidSampling {
+        /// The field of the rule.
+        what: &'static str,
+        /// What it is.
+        found: f64,
+        /// What it must be.
+        expected: &'static str,
+    },
+    /// The plan would need more memory than it may have.
+    #[error("the plan would need about {} bytes: expected at most {budget}", estimate.bytes())]
+    OverMemoryBudget {
+        /// The bytes that it may have.
+        budget: usize,
+        /// What it would cost.
+        estimate: Box<Estimate>,
     },
     /// A leaf size of zero.
     #[error("leaf size 0: expected at least 1 point per leaf")]

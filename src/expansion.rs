@@ -66,6 +66,12 @@ pub trait Expansion: Send + Sync {
         0.0
     }
 
+    /// About how many terms a multipole or a local expansion will have, asked before
+    /// [`prepare`](Self::prepare) to foretell what a plan costs.
+    fn expected_terms(&self) -> usize {
+        self.multipole_len(2)
+    }
+
     /// How many pairs summed directly cost as much as [`m2p`](Self::m2p) at one target; cells of
     /// `level` with fewer sources are summed directly.
     fn m2p_pairs(&self, level: usize) -> usize {

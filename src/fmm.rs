@@ -1,44 +1,26 @@
 //! The plan: everything that depends on geometry alone, built once, applied to any charges.
 
 use std::fmt;
-use std::sync::{Arc, Mutex};
+use std::sync::Mutex;
 
 use rayon::prelude::*;
 
-use crate::error::{Error, PointSet};
-use crate::expansion::{ChargeOf, Expansion, Geometry, Level, SourceOf, TargetOf, ValueOf};
+use crate::error::Error;
+use crate::estimate::Estimate;
+use crate::expansion::{ChargeOf, Expansion, Geometry, SourceOf, TargetOf, ValueOf};
+use crate::forecast::Known;
+use crate::grove::Grove;
 use crate::interpolation::Interpolation;
 use crate::kernel::PointKernel;
 use crate::layout::{Layout, Parts};
-use crate::lists::{Costs, Lists};
+use crate::lists::Costs;
 use crate::mask::{Mask, Unmasked};
 use crate::pace::pair_seconds;
-use crate::passes::{Plan, Scheme, Workspace};
-use crate::real::{Additive, Located, Real};
+use crate::plan::{Plan, Scheme, Workspace, levels};
+use crate::real::Additive;
 use crate::stats::{Stats, stats};
-use crate::times::{ApplyTimes, BuildTimes, Clock};
-use crate::traversal::{Far, Side, find_lists};
-use crate::tree::{Bounds, Tree};
-
-/// Which part of building a plan is under way.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Phase {
-    /// Sorting the points into trees.
-    Tree,
-    /// Finding the interaction lists and asking the mask for single pairs.
-    Lists,
-    /// Preparing the expansion's operators.
-    Operators,
-}
-
-/// A report on how far building a plan has come.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Progress {
-    /// The part under way.
-    pub phase: Phase,
-    /// How much of that part is done, from 0 to 1; reports may arrive out of order.
-    pub fraction: f64,
-}
+use crate::times::{ApplyTimes, BuildTimes, Clock, Phase, Progress};
+use crate::traversal::{Far, Side, Traversal};
 
 /// A plan for sums between fixed points: trees, interaction lists, operators and mask.
 ///
@@ -61,7 +43,7 @@ pub struct Progress {
 /// # Ok::<(), farfield::Error>(())
 /// ```
 pub struct Fmm<E: Expansion> {
-    plan: Plan<E>,
+    pub(crate) plan: Plan<E>,
     stats: Stats,
     build_times: BuildTimes,
     idle: Mutex<Vec<Workspace<E>>>,
@@ -82,6 +64,7 @@ impl<E: Expansion> Fmm<E> {
             mask: Unmasked,
             scheme: Scheme::default(),
             leaf_size: None,
+            memory_budget: None,
             progress: None,
         }
     }
@@ -134,7 +117,7 @@ impl<E: Expansion> Fmm<E> {
         &self.plan.expansion
     }
 
-    fn check_charges(&self, charges: &[ChargeOf<E>]) -> Result<(), Error> {
+    pub(crate) fn check_charges(&self, charges: &[ChargeOf<E>]) -> Result<(), Error> {
         if charges.len() != self.plan.sources.len() {
             let (expected, found) = (self.plan.sources.len(), charges.len());
             return Err(Error::LengthMismatch { what: "charges", expected, found });
@@ -148,7 +131,7 @@ impl<E: Expansion> Fmm<E> {
     }
 
     /// Lends a workspace that no other call is using: allocated once, then kept.
-    fn with_workspace<V>(&self, work: impl FnOnce(&mut Workspace<E>) -> V) -> V {
+    pub(crate) fn with_workspace<V>(&self, work: impl FnOnce(&mut Workspace<E>) -> V) -> V {
         let idle = self.idle.lock().unwrap_or_else(|e| e.into_inner()).pop();
         let mut workspace = idle.unwrap_or_else(|| Workspace::new(&self.plan));
         let result = work(&mut workspace);
@@ -157,7 +140,7 @@ impl<E: Expansion> Fmm<E> {
     }
 }
 
-fn check_values<V: Additive>(values: &[V]) -> Result<(), Error> {
+pub(crate) fn check_values<V: Additive>(values: &[V]) -> Result<(), Error> {
     match first_not_finite(values) {
         Some(index) => Err(Error::NonFiniteValue { index, value: format!("{:?}", values[index]) }),
         None => Ok(()),
@@ -191,6 +174,7 @@ pub struct Builder<'a, E, M> {
     mask: M,
     scheme: Scheme,
     leaf_size: Option<usize>,
+    memory_budget: Option<usize>,
     progress: Option<&'a (dyn Fn(Progress) + Sync)>,
 }
 
@@ -211,8 +195,8 @@ impl<K: PointKernel, M> Builder<'_, Interpolation<K>, M> {
 impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
     /// Sums only the pairs that `mask` lets count; pass a reference to keep the mask.
     pub fn mask<N: Mask<E::Kernel>>(self, mask: N) -> Builder<'a, E, N> {
-        let Self { expansion, scheme, leaf_size, progress, .. } = self;
-        Builder { expansion, mask, scheme, leaf_size, progress }
+        let Self { expansion, scheme, leaf_size, memory_budget, progress, .. } = self;
+        Builder { expansion, mask, scheme, leaf_size, memory_budget, progress }
     }
 
     /// How to sum; default [`Scheme::Fmm`].
@@ -232,8 +216,44 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
 
     /// Whom to tell how far building has come, possibly from several threads at once.
     pub fn progress<'b>(self, report: &'b (dyn Fn(Progress) + Sync)) -> Builder<'b, E, M> {
-        let Self { expansion, mask, scheme, leaf_size, .. } = self;
-        Builder { expansion, mask, scheme, leaf_size, progress: Some(report) }
+        let Self { expansion, mask, scheme, leaf_size, memory_budget, .. } = self;
+        Builder { expansion, mask, scheme, leaf_size, memory_budget, progress: Some(report) }
+    }
+
+    /// The most bytes that the plan and one workspace may need; by default as many as it takes. With a
+    /// budget, building makes an [`estimate`](Self::estimate) as soon as the trees stand, and stops there
+    /// if that is more. Operators of expansions are not counted.
+    pub fn memory_budget(self, bytes: usize) -> Self {
+        Self { memory_budget: Some(bytes), ..self }
+    }
+
+    /// What the plan would cost, without making its lists and operators: sorts the points into trees,
+    /// and asks the mask for some cells. O(N).
+    ///
+    /// ```
+    /// use farfield::{Error, Fmm, from_fn};
+    /// use glam::DVec3;
+    ///
+    /// let points: Vec<DVec3> = (0..5000).map(|i| DVec3::splat(f64::from(i)).map(f64::sin)).collect();
+    /// let builder = Fmm::builder(from_fn(|x: DVec3, y: DVec3| (-x.distance(y)).exp()));
+    /// let estimate = builder.estimate(&points, &points)?;
+    /// assert!(estimate.bytes() > 5000 * size_of::<DVec3>());
+    /// let refused = builder.memory_budget(estimate.bytes() / 2).build(&points, &points);
+    /// assert!(matches!(refused, Err(Error::OverMemoryBudget { .. })));
+    /// # Ok::<(), Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// As [`build`](Self::build), but for those of the expansion.
+    pub fn estimate(
+        &self,
+        sources: &[SourceOf<E>],
+        targets: &[TargetOf<E>],
+    ) -> Result<Estimate, Error> {
+        let (mut clock, mut tree_seconds) = (Clock::start(), 0.0);
+        let grove = self.grove(sources, targets)?;
+        clock.lap(&mut tree_seconds);
+        Ok(self.estimate_in(&grove, tree_seconds))
     }
 
     /// Builds the plan. Empty sets are valid: sums over no sources are zero. If sources and targets
@@ -241,7 +261,8 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
     ///
     /// # Errors
     /// If a coordinate is not finite, the points extend too far for their precision, the leaf size is
-    /// zero, or the expansion can't meet its tolerance or order.
+    /// zero, the plan would need more memory than it may, or the expansion can't meet its tolerance or
+    /// order.
     pub fn build(
         mut self,
         sources: &[SourceOf<E>],
@@ -254,45 +275,25 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
         };
         let (mut clock, mut build_times) = (Clock::start(), BuildTimes::default());
         report(Phase::Tree, 0.0);
-        let bounds = Bounds::new(PointSet::Sources, sources)?;
-        let root = bounds.join(Bounds::new(PointSet::Targets, targets)?).root_cube()?;
-        let leaf_size = self.leaf_size.unwrap_or_else(|| {
-            let (kernel, tolerance) = (self.expansion.kernel(), self.expansion.pair_tolerance());
-            self.expansion.leaf_size(pair_seconds(kernel, tolerance, sources, targets))
-        });
-        if leaf_size == 0 {
-            return Err(Error::InvalidLeafSize);
-        }
-        let source_tree = Arc::new(Tree::new(&root, sources, leaf_size));
-        let same_points = sources.len() == targets.len()
-            && sources.par_iter().zip(targets).all(|(y, x)| y.position() == x.position());
-        let target_tree = if same_points {
-            Arc::clone(&source_tree)
-        } else {
-            Arc::new(Tree::new(&root, targets, leaf_size))
-        };
-        let sources = in_tree_order(sources, &source_tree);
-        let targets = in_tree_order(targets, &target_tree);
+        let grove = self.grove(sources, targets)?;
         report(Phase::Tree, 1.0);
         clock.lap(&mut build_times.tree);
 
         report(Phase::Lists, 0.0);
-        let far = match self.scheme {
-            Scheme::Direct => Far::Nothing,
-            Scheme::Fmm if self.expansion.weighs() => Far::Weighed,
-            Scheme::Fmm | Scheme::Treecode { .. } => Far::Whole,
-        };
-        let mut lists = find_lists(
-            Side { tree: &target_tree, points: &targets },
-            Side { tree: &source_tree, points: &sources },
-            &self.mask,
-            far,
-            &|fraction| report(Phase::Lists, fraction),
-        );
+        if let Some(budget) = self.memory_budget {
+            let estimate = Box::new(self.estimate_in(&grove, build_times.tree));
+            if estimate.bytes() > budget {
+                return Err(Error::OverMemoryBudget { budget, estimate });
+            }
+        }
+        let report_lists = |fraction| report(Phase::Lists, fraction);
+        let mut lists = self.traversal(&grove).lists(&report_lists);
         report(Phase::Lists, 1.0);
         clock.lap(&mut build_times.lists);
 
         report(Phase::Operators, 0.0);
+        let levels_of_trees = grove.levels();
+        let Grove { root, leaf_size, source_tree, target_tree, sources, targets } = grove;
         let levels = levels(&lists, &source_tree, &target_tree, self.scheme);
         self.expansion.prepare(&Geometry { root, levels })?;
         report(Phase::Operators, 1.0);
@@ -300,9 +301,8 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
 
         // What an expansion costs is known only now.
         let expansion = self.expansion;
-        let by_level = |of: &dyn Fn(usize) -> usize| -> Vec<usize> {
-            (0..source_tree.shape.levels().max(target_tree.shape.levels())).map(of).collect()
-        };
+        let by_level =
+            |of: &dyn Fn(usize) -> usize| -> Vec<usize> { (0..levels_of_trees).map(of).collect() };
         let costs = Costs {
             m2p: by_level(&|level| expansion.m2p_pairs(level)),
             p2l: by_level(&|level| expansion.p2l_pairs(level)),
@@ -332,6 +332,43 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
         clock.lap(&mut build_times.lists);
         Ok(Fmm { plan, stats, build_times, idle: Mutex::new(Vec::new()) })
     }
+
+    fn grove(
+        &self,
+        sources: &[SourceOf<E>],
+        targets: &[TargetOf<E>],
+    ) -> Result<Grove<SourceOf<E>, TargetOf<E>>, Error> {
+        let best = || self.expansion.leaf_size(self.pair_seconds(sources, targets));
+        Grove::new(sources, targets, || self.leaf_size.unwrap_or_else(best))
+    }
+
+    fn pair_seconds(&self, sources: &[SourceOf<E>], targets: &[TargetOf<E>]) -> f64 {
+        let (kernel, tolerance) = (self.expansion.kernel(), self.expansion.pair_tolerance());
+        pair_seconds(kernel, tolerance, sources, targets)
+    }
+
+    fn traversal<'b>(
+        &'b self,
+        grove: &'b Grove<SourceOf<E>, TargetOf<E>>,
+    ) -> Traversal<'b, E::Kernel, M> {
+        Traversal {
+            targets: Side { tree: &grove.target_tree, points: &grove.targets },
+            sources: Side { tree: &grove.source_tree, points: &grove.sources },
+            mask: &self.mask,
+            far: match self.scheme {
+                Scheme::Direct => Far::Nothing,
+                Scheme::Fmm if self.expansion.weighs() => Far::Weighed,
+                Scheme::Fmm | Scheme::Treecode { .. } => Far::Whole,
+            },
+        }
+    }
+
+    fn estimate_in(&self, grove: &Grove<SourceOf<E>, TargetOf<E>>, tree_seconds: f64) -> Estimate {
+        let pair_seconds = self.pair_seconds(&grove.sources, &grove.targets);
+        let Self { expansion, scheme, .. } = self;
+        let known = Known { expansion, scheme: *scheme, grove, pair_seconds, tree_seconds };
+        known.estimate(&self.traversal(grove))
+    }
 }
 
 impl<E: fmt::Debug, M: fmt::Debug> fmt::Debug for Builder<'_, E, M> {
@@ -343,36 +380,4 @@ impl<E: fmt::Debug, M: fmt::Debug> fmt::Debug for Builder<'_, E, M> {
             .field("leaf_size", &self.leaf_size)
             .finish_non_exhaustive()
     }
-}
-
-fn in_tree_order<P: Located>(points: &[P], tree: &Tree<P::Real>) -> Vec<P> {
-    tree.shape.order.par_iter().map(|&i| points[i as usize].clone()).collect()
-}
-
-/// The levels at which expansions are formed. M2P and P2L need the level of their expansion, and
-/// shifts need every level between the coarsest and the finest.
-fn levels<T: Real>(
-    lists: &Lists,
-    source_tree: &Tree<T>,
-    target_tree: &Tree<T>,
-    scheme: Scheme,
-) -> Vec<Level<T>> {
-    // Cells are stored from the coarsest level to the finest, so the first is on the coarsest.
-    let groups = 0..target_tree.cells.len();
-    let receives = |&t: &usize| lists.has_m2l(t) || !lists.p2l.of(t).is_empty();
-    let local = groups.into_iter().find(receives).map(|t| target_tree.shape.nodes[t].level());
-    let m2p = lists.m2p.items.par_iter().min();
-    let multipole = m2p.map(|&s| source_tree.shape.nodes[s as usize].level());
-    let Some(coarsest) = local.into_iter().chain(multipole).min() else { return Vec::new() };
-    let finest = source_tree.shape.levels().max(target_tree.shape.levels());
-    (coarsest..finest)
-        .map(|level| {
-            let target = target_tree.shape.level(level).next().map(|t| &target_tree.cells[t]);
-            let source = || source_tree.shape.level(level).next().map(|s| &source_tree.cells[s]);
-            let cell = target.or_else(source);
-            let half_width = cell.map_or(T::from_f64(0.0), |cell| cell.half_width());
-            let offsets = lists.offsets.get(level).filter(|_| scheme == Scheme::Fmm);
-            Level { level, half_width, offsets: offsets.cloned().unwrap_or_default() }
-        })
-        .collect()
 }

@@ -185,6 +185,11 @@ impl<K: PointKernel> Expansion for Interpolation<K> {
         cost::leaf_size::<K::Entry>(self.accuracy, components, K::Column::WIDTH, pair_seconds)
     }
 
+    fn expected_terms(&self) -> usize {
+        let components = K::FIELDS.max(K::DENSITIES);
+        cost::rank(self.accuracy, components) as usize * K::Column::WIDTH
+    }
+
     fn pair_tolerance(&self) -> f64 {
         match self.accuracy {
             Accuracy::Tolerance(tolerance) => PAIR_SHARE * tolerance,

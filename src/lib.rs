@@ -40,10 +40,13 @@
 //! [`direct`] is the reference for everything.
 
 // Each module imports only from those above it.
+mod estimate;
 mod error;
 mod products;
 mod dense;
 mod real;
+mod random;
+mod double_word;
 mod geometry;
 mod morton;
 mod shape;
@@ -60,27 +63,39 @@ mod grouped;
 mod offsets;
 mod lists;
 mod traversal;
+mod survey;
+mod grove;
 mod layout;
 mod times;
 mod near;
+mod plan;
 mod passes;
+mod judge;
+mod sampling;
 mod stats;
 mod pace;
+mod forecast;
 mod fmm;
+mod certificate;
+mod report;
 mod exact;
 pub mod conformance;
 
+pub use certificate::Certificate;
 pub use error::{Error, PointSet};
+pub use estimate::Estimate;
 pub use expansion::{
     ChargeOf, Expansion, Geometry, Level, LevelFamilies, LevelPairs, OffsetMap, RealOf, SourceOf,
     TargetOf, ValueOf,
 };
-pub use fmm::{Builder, Fmm, Phase, Progress};
+pub use fmm::{Builder, Fmm};
 pub use geometry::{Cell, Cube, MAX_LEVEL};
 pub use interpolation::{Interpolation, MAX_ORDER};
 pub use kernel::{FnKernel, Kernel, Outcome, PointKernel, direct, from_fn, relative_l2_error};
 pub use mask::{CellView, Coverage, Mask, Unmasked, direct_masked};
-pub use passes::Scheme;
+pub use plan::Scheme;
 pub use real::{Additive, Columns, Linear, Located, Point, Real, Scalar, Vector};
+pub use report::{LevelReport, Report};
+pub use sampling::Sampling;
 pub use stats::Stats;
-pub use times::{ApplyTimes, BuildTimes};
+pub use times::{ApplyTimes, BuildTimes, Phase, Progress};

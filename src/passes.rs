@@ -4,95 +4,16 @@
 //! does not depend on the number of threads.
 
 use std::ops::Range;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 use rayon::prelude::*;
 
-use crate::expansion::{ChargeOf, Expansion, LevelPairs, RealOf, SourceOf, TargetOf, ValueOf};
+use crate::expansion::{ChargeOf, Expansion, LevelPairs, TargetOf, ValueOf};
 use crate::kernel::{Kernel, Outcome};
-use crate::layout::Layout;
-use crate::lists::Lists;
 use crate::near::{Gathered, Near};
-use crate::pool::Pool;
+use crate::plan::{Plan, Scheme, Workspace};
 use crate::real::Additive;
 use crate::times::{ApplyTimes, Clock};
-use crate::tree::Tree;
-
-/// How a plan sums. All schemes give the same sums; they differ in cost.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Scheme {
-    /// Every pair: O(N²).
-    Direct,
-    /// Multipoles evaluated at every target: O(N log N).
-    Treecode {
-        /// Whether parents take their moments from their children (M2M) instead of from their
-        /// sources.
-        m2m: bool,
-    },
-    /// Multipoles turned into local expansions, evaluated once per target: O(N).
-    #[default]
-    Fmm,
-}
-
-impl Scheme {
-    /// Whether parents take their moments from their children.
-    pub(crate) fn shifts_moments(self) -> bool {
-        self != (Self::Treecode { m2m: false })
-    }
-}
-
-/// What a sum needs besides charges.
-pub(crate) struct Plan<E: Expansion> {
-    pub(crate) expansion: E,
-    pub(crate) scheme: Scheme,
-    pub(crate) source_tree: Arc<Tree<RealOf<E>>>,
-    pub(crate) target_tree: Arc<Tree<RealOf<E>>>,
-    /// Sources in tree order.
-    pub(crate) sources: Vec<SourceOf<E>>,
-    /// Targets in tree order.
-    pub(crate) targets: Vec<TargetOf<E>>,
-    pub(crate) lists: Lists,
-    pub(crate) layout: Layout,
-}
-
-/// Everything that one application writes to, kept from one to the next.
-pub(crate) struct Workspace<E: Expansion> {
-    charges: Vec<ChargeOf<E>>,
-    /// Values in tree order.
-    values: Vec<ValueOf<E>>,
-    /// Multipole terms, level by level, cell after cell.
-    multipoles: Vec<Vec<E::MultipoleTerm>>,
-    /// Local terms, likewise.
-    locals: Vec<Vec<E::LocalTerm>>,
-    /// For every entry of the P2L list, whether the expansion declined it.
-    p2l_declined: Vec<AtomicBool>,
-    gathered: Pool<Gathered<E::Kernel>>,
-}
-
-impl<E: Expansion> Workspace<E> {
-    pub(crate) fn new(plan: &Plan<E>) -> Self {
-        let Layout { multipole_terms, local_terms, .. } = &plan.layout;
-        Self {
-            charges: vec![Additive::zero(); plan.sources.len()],
-            values: vec![Additive::zero(); plan.targets.len()],
-            multipoles: multipole_terms.iter().map(|&n| vec![Additive::zero(); n]).collect(),
-            locals: local_terms.iter().map(|&n| vec![Additive::zero(); n]).collect(),
-            p2l_declined: plan.lists.p2l.items.iter().map(|_| AtomicBool::new(false)).collect(),
-            gathered: Pool::default(),
-        }
-    }
-
-    /// The size in memory of a workspace for `plan`.
-    pub(crate) fn bytes(plan: &Plan<E>) -> usize {
-        let Layout { multipole_terms, local_terms, .. } = &plan.layout;
-        plan.sources.len() * size_of::<ChargeOf<E>>()
-            + plan.targets.len() * size_of::<ValueOf<E>>()
-            + multipole_terms.iter().sum::<usize>() * size_of::<E::MultipoleTerm>()
-            + local_terms.iter().sum::<usize>() * size_of::<E::LocalTerm>()
-            + plan.lists.p2l.items.len() * size_of::<AtomicBool>()
-    }
-}
 
 /// What is added up at the targets in one sweep over their leaves.
 #[derive(Clone, Copy)]
@@ -107,6 +28,7 @@ impl Sweep {
     const LOCAL: Self = Self { local: true, ..Self::NONE };
     const MULTIPOLE: Self = Self { multipole: true, ..Self::NONE };
     const NEAR: Self = Self { near: true, ..Self::NONE };
+    const FAR: Self = Self { local: true, multipole: true, ..Self::NONE };
     const ALL: Self = Self { local: true, multipole: true, near: true };
 }
 
@@ -142,6 +64,26 @@ impl<E: Expansion> Plan<E> {
         (values, times)
     }
 
+    /// The same sums, to the bit, left in the workspace in tree order; also, in the same order, what
+    /// was there before the near field was added.
+    pub(crate) fn run_parted(
+        &self,
+        charges: &[ChargeOf<E>],
+        workspace: &mut Workspace<E>,
+    ) -> Vec<ValueOf<E>> {
+        self.carry(charges, workspace, &mut Clock::start(), &mut ApplyTimes::default());
+        self.evaluate(workspace, Sweep::FAR);
+        let far = workspace.values.clone();
+        self.evaluate(workspace, Sweep::NEAR);
+        far
+    }
+
+    /// The sums in the caller's order.
+    pub(crate) fn in_callers_order(&self, workspace: &Workspace<E>) -> Vec<ValueOf<E>> {
+        let ranks = self.layout.target_ranks.par_iter();
+        ranks.map(|&rank| workspace.values[rank as usize]).collect()
+    }
+
     /// Everything before the values: from charges to multipole and local terms.
     fn carry(
         &self,
@@ -167,12 +109,6 @@ impl<E: Expansion> Plan<E> {
                 clock.lap(&mut times.l2l);
             }
         }
-    }
-
-    /// The sums in the caller's order.
-    fn in_callers_order(&self, workspace: &Workspace<E>) -> Vec<ValueOf<E>> {
-        let ranks = self.layout.target_ranks.par_iter();
-        ranks.map(|&rank| workspace.values[rank as usize]).collect()
     }
 
     /// P2M wherever moments are not shifted from children.

@@ -6,11 +6,12 @@ use rayon::prelude::*;
 
 use crate::expansion::Expansion;
 use crate::lists::{ALL, Lists};
-use crate::passes::{Plan, Workspace};
+use crate::plan::{Plan, Workspace};
 use crate::shape::Node;
 
 /// What a plan consists of.
 #[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct Stats {
     /// Number of sources.
     pub sources: usize,

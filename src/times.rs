@@ -1,9 +1,10 @@
-//! Where the time goes.
+//! Where the time goes, and how far a job has come.
 
 use std::time::Instant;
 
 /// Seconds that building a plan took, part by part.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct BuildTimes {
     /// Checking the points and sorting them into trees.
     pub tree: f64,
@@ -15,6 +16,7 @@ pub struct BuildTimes {
 
 /// Seconds that one application took, operator by operator.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct ApplyTimes {
     /// Bringing charges into tree order and values back into the caller's, with their checks.
     pub permutation: f64,
@@ -40,6 +42,26 @@ impl ApplyTimes {
         let Self { permutation, p2m, m2m, m2l, l2l, l2p, m2p, near } = self;
         permutation + p2m + m2m + m2l + l2l + l2p + m2p + near
     }
+}
+
+/// Which part of building a plan is under way.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Phase {
+    /// Sorting the points into trees.
+    Tree,
+    /// Finding the interaction lists and asking the mask for single pairs.
+    Lists,
+    /// Preparing the expansion's operators.
+    Operators,
+}
+
+/// A report on how far building a plan has come.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Progress {
+    /// The part under way.
+    pub phase: Phase,
+    /// How much of that part is done, from 0 to 1; reports may arrive out of order.
+    pub fraction: f64,
 }
 
 /// Tells how long each part of a job took.

@@ -59,34 +59,17 @@ pub(crate) enum Far {
     Weighed,
 }
 
-/// Finds the lists. `progress` is told the
-/// fraction of partly masked pairs that have been asked for.
-pub(crate) fn find_lists<K: Kernel>(
-    targets: Side<'_, K::Target>,
-    sources: Side<'_, K::Source>,
-    mask: &impl Mask<K>,
-    far: Far,
-    progress: &(dyn Fn(f64) + Sync),
-) -> Lists {
-    let (mut lists, partial) = Traversal { targets, sources, mask, far }.run();
-    if !partial.is_empty() {
-        let answers = ask_all(targets, sources, mask, &partial, progress);
-        fill_in(&mut lists, &partial, answers);
-    }
-    lists
-}
-
 /// Finds the pairs of cells.
-struct Traversal<'a, K: Kernel, M> {
-    targets: Side<'a, K::Target>,
-    sources: Side<'a, K::Source>,
-    mask: &'a M,
-    far: Far,
+pub(crate) struct Traversal<'a, K: Kernel, M> {
+    pub(crate) targets: Side<'a, K::Target>,
+    pub(crate) sources: Side<'a, K::Source>,
+    pub(crate) mask: &'a M,
+    pub(crate) far: Far,
 }
 
 /// A source cell that a target cell has to settle with.
 #[derive(Clone, Copy, Debug, Default)]
-struct Candidate {
+pub(crate) struct Candidate {
     source: u32,
     /// Whether every pair of points is known to count.
     full: bool,
@@ -94,21 +77,21 @@ struct Candidate {
 
 /// A source cell of which a part counts.
 #[derive(Clone, Copy, Debug, Default)]
-struct Weighed {
+pub(crate) struct Weighed {
     source: u32,
     eighths: u8,
 }
 
 /// What a stretch of target cells finds.
 #[derive(Default)]
-struct Found {
-    m2l: Grouped<u32>,
-    weighed: Grouped<Weighed>,
-    m2p: Grouped<u32>,
-    p2l: Grouped<u32>,
-    near: Grouped<Run>,
+pub(crate) struct Found {
+    pub(crate) m2l: Grouped<u32>,
+    pub(crate) weighed: Grouped<Weighed>,
+    pub(crate) m2p: Grouped<u32>,
+    pub(crate) p2l: Grouped<u32>,
+    pub(crate) near: Grouped<Run>,
     /// Handed down to the children.
-    open: Grouped<Candidate>,
+    pub(crate) open: Grouped<Candidate>,
     /// Pairs of leaves that are partly masked; their runs count from the start of the stretch.
     partial: Vec<PartialPair>,
     offsets: OffsetSet,
@@ -128,14 +111,24 @@ const STRETCHES: usize = 256;
 const STRETCH: usize = 64;
 
 impl<K: Kernel, M: Mask<K>> Traversal<'_, K, M> {
+    /// Finds the lists. `progress` is told the fraction of partly masked pairs that have been asked
+    /// for.
+    pub(crate) fn lists(&self, progress: &(dyn Fn(f64) + Sync)) -> Lists {
+        let (mut lists, partial) = self.run();
+        if !partial.is_empty() {
+            let answers = ask_all(self.targets, self.sources, self.mask, &partial, progress);
+            fill_in(&mut lists, &partial, answers);
+        }
+        lists
+    }
+
     /// The lists, with the runs that are partly masked.
     fn run(&self) -> (Lists, Vec<PartialPair>) {
         let shape = &self.targets.tree.shape;
         let mut found: Vec<Found> = Vec::new();
         let mut offsets = Vec::new();
         let mut open = Grouped::default();
-        let roots_meet = !self.sources.points.is_empty();
-        open.push_group(roots_meet.then_some(Candidate { source: 0, full: false }));
+        open.push_group(self.at_root());
         for level in 0..shape.levels() {
             let cells = shape.level(level);
             // The root is its own parent, and takes the only group there is.
@@ -162,8 +155,13 @@ impl<K: Kernel, M: Mask<K>> Traversal<'_, K, M> {
         join(found, offsets)
     }
 
+    /// What the root of the targets has to settle with.
+    pub(crate) fn at_root(&self) -> Option<Candidate> {
+        (!self.sources.points.is_empty()).then_some(Candidate { source: 0, full: false })
+    }
+
     /// Settles a target cell with every candidate, or hands it down. `near` is scratch.
-    fn visit(
+    pub(crate) fn visit(
         &self,
         t: u32,
         candidates: &[Candidate],

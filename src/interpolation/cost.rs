@@ -15,11 +15,7 @@ pub(crate) fn leaf_size<S: Scalar>(
     columns: usize,
     pair_seconds: f64,
 ) -> usize {
-    let digits = match accuracy {
-        Accuracy::Tolerance(tolerance) => (-tolerance.log10()).clamp(1.0, 14.0),
-        Accuracy::Order(order) => (order as f64 - 1.5).clamp(1.0, 14.0),
-    };
-    let rank = 4.0 * (digits + 1.0) * digits * components as f64;
+    let (digits, rank) = (digits(accuracy), rank(accuracy, components));
     let order = 4.0 / 3.0 * digits;
     let by_direction = (0.27 * rank).max(4.0);
     let complex = if S::COMPLEX { 4.0 } else { 1.0 };
@@ -36,6 +32,19 @@ pub(crate) fn leaf_size<S: Scalar>(
     // A cell of s points is worth splitting into eight when 27 s² t + c > 27 s²/8 t + 8 c.
     let largest = (8.0 * far_per_leaf / (27.0 * pair_seconds)).sqrt();
     (largest as usize).clamp(16, 2048)
+}
+
+/// About how many singular vectors of the far field of 1/r this accuracy needs.
+pub(crate) fn rank(accuracy: Accuracy, components: usize) -> f64 {
+    let digits = digits(accuracy);
+    4.0 * (digits + 1.0) * digits * components as f64
+}
+
+fn digits(accuracy: Accuracy) -> f64 {
+    match accuracy {
+        Accuracy::Tolerance(tolerance) => (-tolerance.log10()).clamp(1.0, 14.0),
+        Accuracy::Order(order) => (order as f64 - 1.5).clamp(1.0, 14.0),
+    }
 }
 
 /// To so many digits M2L works in single precision.

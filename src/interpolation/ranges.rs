@@ -12,6 +12,7 @@ use crate::interpolation::basis::{adjoint, product, smallest_kept};
 use crate::interpolation::directions::Bases;
 use crate::interpolation::means::weight;
 use crate::probe::{Formula, zero};
+use crate::random::Random;
 use crate::real::{Point, Real, Scalar, Vector};
 
 /// C_o = S X_t G X_sᵀ S for the offsets o of one group: signs S of the reflection that takes the components
@@ -168,11 +169,11 @@ impl<'a, S: Scalar> Factors<'a, S> {
         let Bases { source, target, .. } = self.bases;
         let (from, to) = if transposed { (target, source) } else { (source, target) };
         let charges = from.skeleton.from_values.transpose();
-        let (rows, mut numbers) = (to.skeleton.from_values.columns, Random::default());
+        let (rows, mut numbers) = (to.skeleton.from_values.columns, Random::new(0));
         let mut values = Matrix { rows, columns: width, data: vec![zero::<S>(); rows * width] };
         for (image, weight) in &self.images {
             let vectors = Matrix::from_fn(charges.columns, width, |_, _| {
-                S::from_real(S::Real::from_f64(weight.sqrt() * numbers.next()))
+                S::from_real(S::Real::from_f64(weight.sqrt() * numbers.centred()))
             });
             let charges = product(&charges, &vectors);
             match transposed {
@@ -207,22 +208,6 @@ fn between<S: Scalar>(kernel: &Formula<'_, S>, bases: &Bases<S>, offset: [i32; 3
 /// S A
 fn signed<S: Scalar>(signs: &[S::Real], a: &Matrix<S>) -> Matrix<S> {
     Matrix::from_fn(a.rows, a.columns, |i, j| S::from_real(signs[i]) * a.at(i, j))
-}
-
-/// Random numbers of mean zero and variance one, always the same (Steele, Lea and Flood, "Fast
-/// splittable pseudorandom number generators", OOPSLA 2014).
-#[derive(Default)]
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        let unit = ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64;
-        12f64.sqrt() * (unit - 0.5)
-    }
 }
 
 /// The singular value decomposition of all of A but `cut`.

@@ -1,8 +1,10 @@
 //! Integration tests: everything is held against direct summation, target by target.
 
+mod certificate;
 mod clouds;
 mod command_line;
 mod engine;
+mod estimate;
 mod extension;
 mod formulas;
 mod kernels;
