@@ -8,7 +8,7 @@ use farfield::Real;
 use crate::facet::Facet;
 use crate::operator::mixed;
 use crate::packet::{AllPairs, LANES, SomePairs};
-use crate::sampling::{RAYS, Sampling, Seen};
+use crate::sampling::{RAYS, Sampling, Seen, part};
 use crate::surfel::{Projections, Surfel};
 use crate::visibility::Visibility;
 
@@ -41,7 +41,8 @@ impl<T: Real> Asked<'_, T> {
     }
 
     /// By samples for two groups that exchange little: all at once if the samples agree, else row by row
-    /// or column by column if they differ that way only.
+    /// or column by column if they differ that way only. If they differ both ways, groups that exchange
+    /// next to nothing are left at that, others halved.
     pub(crate) fn groups(
         &mut self,
         sampling: &Sampling,
@@ -83,6 +84,11 @@ impl<T: Real> Asked<'_, T> {
                 for (lane, &(_, j)) in pairs.iter().enumerate() {
                     self.answer_all(rows.clone(), j..j + 1, seen >> lane & 1 > 0);
                 }
+            }
+        } else if sampling.accepts_blindly(&strength) {
+            // Each ray stands for its part of the pairs.
+            for (k, l, sees) in seen.parts() {
+                self.answer_all(part(&rows, k), part(&columns, l), sees);
             }
         } else {
             self.halves(sampling, rows, columns);

@@ -1,5 +1,7 @@
 //! Visibility by samples, where what a pair of groups exchanges is too little to look at every pair.
 
+use std::ops::Range;
+
 use farfield::{CellView, Real};
 
 use crate::operator::mixed;
@@ -94,6 +96,12 @@ fn samples(n: usize, m: usize, turn: u64) -> impl Iterator<Item = (usize, usize)
     (0..RAYS).map(move |k| (rows[k / ROWS], columns[k % ROWS]))
 }
 
+/// The k-th of the stretches of a group that have one sample each.
+pub(crate) fn part(group: &Range<usize>, k: usize) -> Range<usize> {
+    let border = |k: usize| group.start + (k * group.len()).div_ceil(ROWS);
+    border(k)..border(k + 1)
+}
+
 /// Which of [`samples`] were unhidden, a bit each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Seen(u16);
@@ -109,6 +117,11 @@ impl Seen {
         let mut pairs = [(0, 0); RAYS];
         samples(n, m, turn).zip(&mut pairs).for_each(|(sample, pair)| *pair = sample);
         Self(see(&pairs))
+    }
+
+    /// What was seen from each [`part`] of the first group to each of the second.
+    pub(crate) fn parts(self) -> impl Iterator<Item = (usize, usize, bool)> {
+        (0..RAYS).map(move |k| (k / ROWS, k % ROWS, self.0 >> k & 1 > 0))
     }
 
     /// How many.
@@ -172,6 +185,25 @@ mod tests {
         }
         let different: BTreeSet<Vec<_>> = (0..50).map(|t| samples(64, 64, t).collect()).collect();
         assert_eq!(different.len(), 50);
+    }
+
+    #[test]
+    fn every_part_holds_its_samples() {
+        for (n, m) in [(4, 9), (17, 64), (33, 5)] {
+            let mut count = 0;
+            let (rows, columns) = (3..3 + n, 7..7 + m);
+            for (k, l, seen) in Seen(0b1010_0000_0000_0001).parts() {
+                assert_eq!(seen, matches!((k, l), (0, 0) | (3, 1 | 3)));
+                count += part(&rows, k).len() * part(&columns, l).len();
+                for (i, j) in (0..20).filter_map(|t| samples(n, m, t).nth(ROWS * k + l)) {
+                    // A sample on the border belongs to either part.
+                    let near =
+                        |part: Range<usize>, at: usize| part.start <= at + 1 && at < part.end;
+                    assert!(near(part(&rows, k), 3 + i) && near(part(&columns, l), 7 + j));
+                }
+            }
+            assert_eq!(count, n * m);
+        }
     }
 
     fn square(n: usize, z: f64, up: f64, face: u32) -> Vec<Surfel> {
