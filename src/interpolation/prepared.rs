@@ -46,9 +46,9 @@ pub(crate) struct Invariant<S: Scalar> {
 /// How far away the sources of a homogeneous kernel are sampled, in half-widths.
 const EXTENT: f64 = 64.0;
 
-/// Bytes of M2L matrices for offsets that only masks ask for; further ones are applied through the
-/// kernel.
-const EXTENDED_BYTES: usize = 1 << 28;
+/// Bytes of M2L matrices for offsets that only masks ask for, at most; further ones are applied through
+/// the kernel, which takes some fifty times as long.
+const EXTENDED_BYTES: usize = 1 << 30;
 
 impl<S: Scalar> Prepared<S> {
     pub(crate) fn new(
