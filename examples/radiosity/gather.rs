@@ -7,7 +7,7 @@ use crate::args::{ExpansionName, SchemeName};
 
 /// Surfels per leaf: a pair that is summed directly costs little, as whether its surfels see each other
 /// is remembered in a bit; the tensor's M2L weighs as much as thousands of pairs.
-const LEAF_SIZE: usize = 64;
+const LEAF_SIZE: usize = 128;
 
 /// From the radiosity of all surfels to the irradiance of all surfels.
 pub(crate) struct Gather<const BANDS: usize> {

@@ -43,8 +43,12 @@ struct Args {
     visibility: Vec<Way>,
 
     /// Relative error of sums
-    #[arg(long, value_name = "E", default_value = "6e-2")]
+    #[arg(long, value_name = "E", default_value = "0.1")]
     tolerance: f64,
+
+    /// The most elements in a leaf
+    #[arg(long, value_name = "N", default_value = "128", value_parser = count)]
+    leaf_size: usize,
 
     /// Elements at which errors and direct sums are measured
     #[arg(long, value_name = "N", default_value = "300", value_parser = count)]
@@ -143,8 +147,11 @@ fn measure(args: &Args, room: &Room, way: Way) -> Result<Row, Box<dyn Error>> {
     }
     let (kernel, radiosity) = (Kernel::clamped(), room.radiosity());
     let start = Instant::now();
-    let fmm =
-        Fmm::builder(kernel).mask(&visibility).tolerance(args.tolerance).build(surfels, surfels)?;
+    let fmm = Fmm::builder(kernel)
+        .mask(&visibility)
+        .tolerance(args.tolerance)
+        .leaf_size(args.leaf_size)
+        .build(surfels, surfels)?;
     let plan = start.elapsed().as_secs_f64();
     let mut seconds = Vec::new();
     let mut gathered = Vec::new();

@@ -37,9 +37,14 @@ pub(crate) struct Strength {
 }
 
 impl Sampling {
-    /// What two groups exchange, by the factors of some of their pairs.
+    /// What two groups exchange, by the factors of each with some of the others.
     pub(crate) fn strength<T: Real>(&self, x: &[Surfel<T>], y: &[Surfel<T>]) -> Strength {
-        let largest = samples(x.len(), y.len(), 0)
+        // A few of either may face the others while most look away: none is left out.
+        let some = |n: usize| (0..ROWS).map(move |k| (2 * k + 1) * n / (2 * ROWS));
+        let rows = (0..x.len()).flat_map(|i| some(y.len()).map(move |j| (i, j)));
+        let columns = (0..y.len()).flat_map(|j| some(x.len()).map(move |i| (i, j)));
+        let largest = rows
+            .chain(columns)
             .map(|(i, j)| {
                 let pair = Projections::new(&x[i], &y[j]);
                 if pair.facing() { pair.kernel().as_f64() } else { 0.0 }
