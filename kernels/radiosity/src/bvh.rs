@@ -192,8 +192,8 @@ impl Occluders {
 #[derive(Clone, Debug)]
 pub(crate) struct Boxes {
     pub(crate) centre: DVec3,
-    /// A bound on all coordinates.
-    pub(crate) reach: f64,
+    /// From scene units to ones in which no coordinate is beyond one: a power of two.
+    pub(crate) scale: f64,
     pub(crate) nodes: Vec<SmallNode>,
 }
 
@@ -210,19 +210,21 @@ pub(crate) struct SmallNode {
 impl Boxes {
     fn new(nodes: &[Node]) -> Self {
         let Some(Node { bounds: Bounds { low, high }, .. }) = nodes.first() else {
-            return Self { centre: DVec3::ZERO, reach: 0.0, nodes: Vec::new() };
+            return Self { centre: DVec3::ZERO, scale: 1.0, nodes: Vec::new() };
         };
         let (low, high) = (DVec3::from_array(*low), DVec3::from_array(*high));
         let centre = low.midpoint(high);
-        let around = |p: [f64; 3]| (DVec3::from_array(p) - centre).to_array().map(|c| c as f32);
+        let extent = (high - low).max_element();
+        let scale = if extent > 0.0 { (-extent.log2().ceil()).exp2() } else { 1.0 };
+        let around =
+            |p: [f64; 3]| ((DVec3::from_array(p) - centre) * scale).to_array().map(|c| c as f32);
         let small = |&Node { bounds, first, count }: &Node| SmallNode {
             low: around(bounds.low),
             high: around(bounds.high),
             first,
             count,
         };
-        let reach = (high - low).max_element();
-        Self { centre, reach, nodes: nodes.iter().map(small).collect() }
+        Self { centre, scale, nodes: nodes.iter().map(small).collect() }
     }
 }
 

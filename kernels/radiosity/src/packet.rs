@@ -1,4 +1,4 @@
-//! Visibility of many surfels from one: rays side by side in wide registers.
+//! Visibility of many pairs of surfels at once: rays side by side in wide registers.
 //!
 //! What is computed here in single precision only rules facets out. Whatever may hide a pair is asked
 //! [exactly](Facet::blocks), so that the answers are those of single rays to the bit.
@@ -154,7 +154,8 @@ struct Packet<'a> {
     occluders: &'a Occluders,
     ends: [[DVec3; LANES]; 2],
     faces: [[u32; LANES]; 2],
-    /// Where the segments start, from the centre of the occluders.
+    /// Where the segments start, from the centre of the occluders; this and all below in units of their
+    /// extent.
     from: [[f32; LANES]; 3],
     /// Where they start, from the start of the first.
     apart: [[f32; LANES]; 3],
@@ -202,10 +203,11 @@ impl<'a> Packet<'a> {
             packet.end[lane] = 1.0;
         }
         let first = packet.ends[0][0];
-        let (mut reach, mut spread) = (boxes.reach as f32, 0.0);
+        let (mut reach, mut spread) = (1.0, 0.0);
         for lane in 0..pairs.len() {
             let [from, to] = [packet.ends[0][lane], packet.ends[1][lane]];
-            let (apart, d, from) = (from - first, to - from, from - boxes.centre);
+            let [apart, d, from] =
+                [from - first, to - from, from - boxes.centre].map(|p| p * boxes.scale);
             for k in 0..3 {
                 packet.from[k][lane] = from[k] as f32;
                 packet.apart[k][lane] = apart[k] as f32;
@@ -294,7 +296,8 @@ impl<'a> Packet<'a> {
     #[inline(always)]
     fn ask(&mut self, facet: &'a Facet, last: &mut Option<&'a Facet>) {
         let first = self.ends[0][0];
-        let vertices = facet.vertices.map(|v| (v - first).to_array().map(|c| c as f32));
+        let scale = self.occluders.boxes().scale;
+        let vertices = facet.vertices.map(|v| ((v - first) * scale).to_array().map(|c| c as f32));
         let normal = facet.normal.to_array().map(|c| c as f32);
         let slack = SLACK * self.reach;
         let mut maybe = [0u32; LANES];
@@ -309,14 +312,15 @@ impl<'a> Packet<'a> {
             let squares = dot(&a, &a) + dot(&b, &b) + dot(&c, &c) + self.spread;
             let sides = SLACK * self.length[lane] * squares;
             let (start, rise) = (-dot(&normal, &a), dot(&normal, &d));
-            let inside = ((u >= -sides) & (v >= -sides) & (w >= -sides))
-                | ((u <= sides) & (v <= sides) & (w <= sides));
-            let crosses = ((start >= -slack) & (start + rise <= slack))
-                | ((start <= slack) & (start + rise >= -slack));
+            // Each way round, so that what overflows rules nothing out.
+            let outside = ((u < -sides) | (v < -sides) | (w < -sides))
+                & ((u > sides) | (v > sides) | (w > sides));
+            let aside = ((start > slack) & (start + rise > slack))
+                | ((start < -slack) & (start + rise < -slack));
             // Most segments start and end on a facet of their own.
             let own = (facet.face == self.faces[0][lane]) | (facet.face == self.faces[1][lane]);
-            let other = !own | (facet.face == NO_FACE);
-            maybe[lane] = u32::from(inside & crosses & other & (self.end[lane] > 0.0));
+            let counts = (!own | (facet.face == NO_FACE)) & (self.end[lane] > 0.0);
+            maybe[lane] = u32::from(!outside & !aside & counts);
             any |= maybe[lane];
         }
         if any == 0 {
@@ -441,7 +445,7 @@ mod tests {
             triangles in triangles(), xs in surfels(), ys in surfels(), far in 0i32..4,
         ) {
             // Exact shifts and scales: ties stay ties.
-            let (shift, scale) = (DVec3::splat(f64::from(far) * 64.0), 0.5f64.powi(far * 8));
+            let (shift, scale) = (DVec3::splat(f64::from(far) * 64.0), 0.5f64.powi(far * 40 - 60));
             let moved = |p: DVec3| (p + shift) * scale;
             let triangles: Vec<_> = triangles
                 .iter()
