@@ -247,6 +247,19 @@ mod tests {
     }
 
     #[test]
+    fn one_that_faces_the_others_counts_among_many_that_look_away() {
+        let sampling = Sampling { most: 1.0, brightness: vec![] };
+        let floor = square(64, 0.0, 1.0, 0);
+        for one in 0..64 {
+            let mut above = square(64, 2.0, 1.0, 1);
+            above[one].normal = DVec3::NEG_Z;
+            for (x, y) in [(&floor, &above), (&above, &floor)] {
+                assert!(sampling.strength(x, y).received.iter().all(|&r| r > 1e-6), "{one}");
+            }
+        }
+    }
+
+    #[test]
     fn the_variance_is_that_of_a_share_and_never_none() {
         let strength = Strength { received: [0.1, 0.2], areas: [3.0, 4.0] };
         let squares = 3.0 * 0.01 + 4.0 * 0.04;
