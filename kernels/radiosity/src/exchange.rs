@@ -70,18 +70,23 @@ impl<'a> Pair<'a> {
         let [a, b] = [i, j].map(|k| &self.elements[k]);
         let (x, y) = (a.surfel(), b.surfel());
         let sees = || !self.occluders.blocked(x.position, y.position, [x.face, y.face]);
+        let least = NEGLIGIBLE * self.tolerance.powi(2) * x.area.min(y.area);
+        let difference = |value: f64| {
+            let difference = value - centroid_exchange(x, y);
+            (difference.abs() > least).then_some(difference)
+        };
         let (value, zone) = match (a.as_patch(), b.as_patch()) {
             (Some(a), Some(b)) => match self.zone(a, b, x, y)? {
                 Zone::Two => (exchange(a, b, Rule::Two), Zone::Two),
                 Zone::Three => (exchange(a, b, Rule::Three), Zone::Three),
                 // A contour integral takes much longer than a ray.
-                zone => (sees().then(|| a.exchange_with(b, self.care))?, zone),
+                zone if sees() => return Some((difference(a.exchange_with(b, self.care))?, zone)),
+                _ => return None,
             },
             _ => (disk_exchange(x, y), Zone::Disk),
         };
-        let difference = value - centroid_exchange(x, y);
-        let least = NEGLIGIBLE * self.tolerance.powi(2) * x.area.min(y.area);
-        (difference.abs() > least && sees()).then_some((difference, zone))
+        let difference = difference(value)?;
+        sees().then_some((difference, zone))
     }
 
     /// How to take two patches; none if centroids do, or they exchange too little to matter.
