@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use std::hint::black_box;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use farfield::{Expansion, Fmm, relative_l2_error};
+use farfield::{Expansion, Fmm, Scheme, relative_l2_error};
 use farfield_radiosity::{Irradiance, SixteenMoment, Surfel};
 use glam::DVec3;
 
@@ -49,7 +49,13 @@ fn gathers(criterion: &mut Criterion) {
         let mut group = criterion.benchmark_group("radiosity");
         group.throughput(Throughput::Elements(n as u64)).sample_size(10);
 
-        let plan = || Fmm::builder(kernel).tolerance(TOLERANCE).build(&surfels, &surfels).unwrap();
+        let plan = || {
+            Fmm::builder(kernel)
+                .tolerance(TOLERANCE)
+                .scheme(Scheme::Fmm)
+                .build(&surfels, &surfels)
+                .unwrap()
+        };
         let fmm = plan();
         check("interpolation", &fmm, &radiosities, &exact);
         group.bench_function(BenchmarkId::new("interpolation, plan", n), |b| b.iter(plan));
@@ -57,7 +63,8 @@ fn gathers(criterion: &mut Criterion) {
             b.iter(|| fmm.apply(black_box(&radiosities)).unwrap());
         });
 
-        let fmm = Fmm::with_expansion(SixteenMoment::new(kernel, ORDER).unwrap());
+        let fmm =
+            Fmm::with_expansion(SixteenMoment::new(kernel, ORDER).unwrap()).scheme(Scheme::Fmm);
         let fmm = fmm.build(&surfels, &surfels).unwrap();
         check("16 moments", &fmm, &radiosities, &exact);
         group.bench_function(BenchmarkId::new("16 moments, gather", n), |b| {

@@ -26,7 +26,13 @@ fn sums(criterion: &mut Criterion) {
         group.throughput(Throughput::Elements(n as u64)).sample_size(10);
         let exact = direct(&formula, &points, &charges, &points);
 
-        let plan = || Fmm::builder(formula).tolerance(TOLERANCE).build(&points, &points).unwrap();
+        let plan = || {
+            Fmm::builder(formula)
+                .tolerance(TOLERANCE)
+                .scheme(Scheme::Fmm)
+                .build(&points, &points)
+                .unwrap()
+        };
         let fmm = plan();
         let error = relative_l2_error(&fmm.apply(&charges).unwrap(), &exact);
         assert!(error < TOLERANCE, "interpolation: {error:e}");

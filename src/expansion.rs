@@ -44,8 +44,10 @@ pub trait Expansion: Send + Sync {
     /// How many local terms a cell of `level` has.
     fn local_len(&self, level: usize) -> usize;
 
-    /// Called once before any operator, with what will be asked for: the place to choose orders and
-    /// to precompute translation operators for the levels and offsets that occur, and for no others.
+    /// Called before any operator, with what will be asked for: the place to choose orders and to
+    /// precompute translation operators for the levels and offsets that occur, and for no others.
+    /// Called again if another [scheme](crate::Builder::scheme) turns out to be cheaper: with no levels
+    /// for direct sums.
     /// Operators must also work at levels and offsets that were not announced.
     ///
     /// # Errors

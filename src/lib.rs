@@ -75,12 +75,15 @@ mod sampling;
 mod stats;
 mod pace;
 mod forecast;
+mod choice;
 mod fmm;
+mod builder;
 mod certificate;
 mod report;
 mod exact;
 pub mod conformance;
 
+pub use builder::Builder;
 pub use certificate::Certificate;
 pub use error::{Error, PointSet};
 pub use estimate::Estimate;
@@ -88,7 +91,7 @@ pub use expansion::{
     ChargeOf, Expansion, Geometry, Level, LevelFamilies, LevelPairs, OffsetMap, RealOf, SourceOf,
     TargetOf, ValueOf,
 };
-pub use fmm::{Builder, Fmm};
+pub use fmm::Fmm;
 pub use geometry::{Cell, Cube, MAX_LEVEL};
 pub use interpolation::{Interpolation, MAX_ORDER};
 pub use kernel::{FnKernel, Kernel, Outcome, PointKernel, direct, from_fn, relative_l2_error};

@@ -30,7 +30,7 @@ pub(crate) fn pair_seconds<K: Kernel>(
 }
 
 /// Plans for fewer points than this are not worth a measurement.
-const WORTHWHILE: usize = 4096;
+const WORTHWHILE: usize = 512;
 
 /// What is taken for a pair that has not been measured.
 const NOMINAL_SECONDS: f64 = 1e-9;

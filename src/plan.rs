@@ -1,20 +1,24 @@
 //! A plan and what an application of it writes to.
 
+use std::fmt;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use rayon::prelude::*;
 
 use crate::expansion::{ChargeOf, Expansion, Level, RealOf, SourceOf, TargetOf, ValueOf};
-use crate::layout::Layout;
-use crate::lists::Lists;
+use crate::geometry::Cube;
+use crate::grove::Grove;
+use crate::layout::{Layout, Parts};
+use crate::lists::{Costs, Lists};
 use crate::near::Gathered;
 use crate::pool::Pool;
 use crate::real::{Additive, Real};
 use crate::tree::Tree;
 
 /// How a plan sums. All schemes give the same sums; they differ in cost.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub enum Scheme {
     /// Every pair: O(N²).
     Direct,
@@ -25,7 +29,6 @@ pub enum Scheme {
         m2m: bool,
     },
     /// Multipoles turned into local expansions, evaluated once per target: O(N).
-    #[default]
     Fmm,
 }
 
@@ -36,10 +39,24 @@ impl Scheme {
     }
 }
 
+impl fmt::Display for Scheme {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Direct => "direct",
+            Self::Treecode { m2m: false } => "treecode without m2m",
+            Self::Treecode { m2m: true } => "treecode",
+            Self::Fmm => "fmm",
+        })
+    }
+}
+
 /// What a sum needs besides charges.
 pub(crate) struct Plan<E: Expansion> {
     pub(crate) expansion: E,
     pub(crate) scheme: Scheme,
+    pub(crate) root: Cube<RealOf<E>>,
+    /// The largest number of points in a leaf that can be split.
+    pub(crate) leaf_size: usize,
     pub(crate) source_tree: Arc<Tree<RealOf<E>>>,
     pub(crate) target_tree: Arc<Tree<RealOf<E>>>,
     /// Sources in tree order.
@@ -48,6 +65,55 @@ pub(crate) struct Plan<E: Expansion> {
     pub(crate) targets: Vec<TargetOf<E>>,
     pub(crate) lists: Lists,
     pub(crate) layout: Layout,
+}
+
+impl<E: Expansion> Plan<E> {
+    /// The plan with these lists and an expansion that is prepared for them.
+    pub(crate) fn new(
+        expansion: E,
+        scheme: Scheme,
+        grove: Grove<SourceOf<E>, TargetOf<E>>,
+        mut lists: Lists,
+    ) -> Self {
+        let levels = grove.levels();
+        let Grove { root, leaf_size, source_tree, target_tree, sources, targets } = grove;
+        let by_level =
+            |of: &dyn Fn(usize) -> usize| -> Vec<usize> { (0..levels).map(of).collect() };
+        let costs = Costs {
+            m2p: by_level(&|level| expansion.m2p_pairs(level)),
+            p2l: by_level(&|level| expansion.p2l_pairs(level)),
+            treecode: scheme != Scheme::Fmm,
+        };
+        lists.sum_small_directly(&target_tree.shape, &source_tree.shape, &costs);
+        let layout = Layout::new(&Parts {
+            sources: &source_tree.shape,
+            targets: &target_tree.shape,
+            lists: &lists,
+            costs: &costs,
+            multipole_lens: &by_level(&|level| expansion.multipole_len(level)),
+            local_lens: &by_level(&|level| expansion.local_len(level)),
+            shift_moments: scheme.shifts_moments(),
+        });
+        Self {
+            expansion,
+            scheme,
+            root,
+            leaf_size,
+            source_tree,
+            target_tree,
+            sources,
+            targets,
+            lists,
+            layout,
+        }
+    }
+
+    /// What another plan can be made of.
+    pub(crate) fn into_parts(self) -> (E, Grove<SourceOf<E>, TargetOf<E>>) {
+        let Self { expansion, root, leaf_size, source_tree, target_tree, sources, targets, .. } =
+            self;
+        (expansion, Grove { root, leaf_size, source_tree, target_tree, sources, targets })
+    }
 }
 
 /// Everything that one application writes to, kept from one to the next.

@@ -83,27 +83,31 @@ pub(crate) fn translation_invariant<S: Scalar>(
     })
 }
 
-/// The degree α with K(s x, s y) = s^α K(x, y) for all sample pairs and s = 2, 4, to round-off, if there
-/// is one. Assumes translation invariance.
-pub(crate) fn homogeneity<S: Scalar>(kernel: &Formula<'_, S>, root: &Cube<S::Real>) -> Option<f64> {
-    let h = root.half_width();
-    let entries = |d: PointOf<S>, scale: f64| {
-        kernel.at(d * S::Real::from_f64(scale), PointOf::<S>::default())
-    };
-    let differences = || (0..SAMPLES).map(|i| sample::<S::Real>(i) * h);
-    let first = differences().next()?;
-    let degree =
-        0.5 * (norm_squared(&entries(first, 2.0)) / norm_squared(&entries(first, 1.0))).log2();
+/// The degree α with K(s x, s y) = s^α K(x, y), to round-off, if there is one: for sample pairs of size
+/// `h` and s = 2, 4, and for what takes pairs of size 1, for which operators are built, to those of size `h`
+/// and of the `others`. Assumes translation invariance.
+pub(crate) fn homogeneity<S: Scalar>(
+    kernel: &Formula<'_, S>,
+    h: S::Real,
+    others: impl IntoIterator<Item = S::Real>,
+) -> Option<f64> {
+    let entries =
+        |i: usize, size: S::Real| kernel.at(sample::<S::Real>(i) * size, PointOf::<S>::default());
+    let times = |scale: f64| h * S::Real::from_f64(scale);
+    let degree = (norm(&entries(0, times(2.0))) / norm(&entries(0, h))).log2();
     // Degrees of formulas are simple fractions; the nearest one has no rounding of its own.
     let degree = (degree * 840.0).round() / 840.0;
-    let holds = |d| {
-        [2.0f64, 4.0].into_iter().all(|scale| {
+    let one = S::Real::from_f64(1.0);
+    let mut sizes = vec![(h, times(2.0), 2.0f64), (h, times(4.0), 4.0), (one, h, h.as_f64())];
+    sizes.extend(others.into_iter().map(|size| (one, size, size.as_f64())));
+    let holds = |i| {
+        sizes.iter().all(|&(from, to, scale)| {
             let factor = S::from_real(S::Real::from_f64(scale.powf(degree)));
-            let scaled: Vec<S> = entries(d, 1.0).into_iter().map(|g| factor * g).collect();
-            agree(&scaled, &entries(d, scale), round_off::<S>())
+            let scaled: Vec<S> = entries(i, from).into_iter().map(|g| factor * g).collect();
+            agree(&scaled, &entries(i, to), round_off::<S>())
         })
     };
-    (degree.is_finite() && differences().all(holds)).then_some(degree)
+    (degree.is_finite() && (0..SAMPLES).all(holds)).then_some(degree)
 }
 
 /// Whether G(x, y) = G(y, x)ᵀ to round-off for sample pairs. Assumes translation invariance.
@@ -153,10 +157,9 @@ fn signs_under_reflection<S: Scalar>(
         reflected[axis] = -reflected[axis];
         let here = kernel.at(d, PointOf::<S>::default());
         let there = kernel.at(PointOf::<S>::from_array(reflected), PointOf::<S>::default());
-        let size = norm_squared(&here).sqrt();
+        let size = norm(&here);
         for ((sign, &a), &b) in signs.iter_mut().zip(&here).zip(&there) {
-            let small =
-                |deviation: S| Additive::norm_squared(&deviation).sqrt() <= round_off::<S>() * size;
+            let small = |deviation: S| norm(&[deviation]) <= round_off::<S>() * size;
             let changes = match (small(a - b), small(a + b)) {
                 (true, true) => continue,
                 (true, false) => false,
@@ -235,8 +238,13 @@ fn round_off<S: Scalar>() -> f64 {
 }
 
 fn agree<S: Scalar>(a: &[S], b: &[S], tolerance: f64) -> bool {
-    let difference: f64 = a.iter().zip(b).map(|(&a, &b)| Additive::norm_squared(&(a - b))).sum();
-    difference.sqrt() <= tolerance * (norm_squared(a) + norm_squared(b)).sqrt()
+    let difference: Vec<S> = a.iter().zip(b).map(|(&a, &b)| a - b).collect();
+    norm(&difference) <= tolerance * norm(a).hypot(norm(b))
+}
+
+/// The square root of [`norm_squared`], also where that leaves the range of numbers.
+fn norm<S: Scalar>(g: &[S]) -> f64 {
+    g.iter().flat_map(|g| g.parts()).map(Real::as_f64).fold(0.0, f64::hypot)
 }
 
 pub(crate) fn zero<S: Scalar>() -> S {
@@ -280,13 +288,16 @@ mod tests {
 
     #[test]
     fn homogeneity_is_seen_and_its_absence_too() {
-        let root = Cube::new(DVec3::ZERO, 2.0);
-        let degree = |k: &Formula<'_, f64>| homogeneity(k, &root);
+        let degree = |k: &Formula<'_, f64>| homogeneity(k, 2.0, []);
         assert_eq!(ask(|x, y| (x - y).x / x.distance(y).powi(4), degree), Some(-3.0));
         assert_eq!(ask(|x, y| x.distance(y).powf(0.25), degree), Some(0.25));
         let yukawa = |x: DVec3, y: DVec3| (-1e-9 * x.distance(y)).exp() / x.distance(y);
         assert_eq!(ask(yukawa, degree), None);
         assert_eq!(ask(|_, _| 0.0, degree), None);
+        // A scale that shows in the smallest cells alone.
+        let softened = |x: DVec3, y: DVec3| 1.0 / (x.distance_squared(y) + 1e-14).sqrt();
+        assert_eq!(ask(softened, degree), Some(-1.0));
+        assert_eq!(ask(softened, |k| homogeneity(k, 2.0, [0.1, 1e-6])), None);
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use crate::estimate::Estimate;
 use crate::expansion::Expansion;
 use crate::fmm::Fmm;
 use crate::plan::Plan;
@@ -17,6 +18,8 @@ pub struct Report {
     pub stats: Stats,
     /// Seconds that building took.
     pub build: BuildTimes,
+    /// What plan and application were expected to cost, if that was [asked](Fmm::estimate).
+    pub estimate: Option<Estimate>,
     /// Seconds that an application took, if one was [measured](Fmm::apply_timed).
     pub apply: Option<ApplyTimes>,
     /// What is on each level of the trees, the root first.
@@ -85,17 +88,23 @@ impl<E: Expansion> Fmm<E> {
             }
         };
         let levels = (0..sources.levels().max(targets.levels())).map(level).collect();
-        Report { stats: self.stats().clone(), build: *self.build_times(), apply: None, levels }
+        Report {
+            stats: self.stats().clone(),
+            build: *self.build_times(),
+            estimate: self.estimate().copied(),
+            apply: None,
+            levels,
+        }
     }
 }
 
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { stats, build, apply, levels } = self;
+        let Self { stats, build, estimate, apply, levels } = self;
         writeln!(
             f,
-            "{} sources, {} targets; {} cells, at most {} points in a leaf",
-            stats.sources, stats.targets, stats.cells, stats.leaf_size
+            "{}: {} sources, {} targets; {} cells, at most {} points in a leaf",
+            stats.scheme, stats.sources, stats.targets, stats.cells, stats.leaf_size
         )?;
         writeln!(
             f,
@@ -128,6 +137,15 @@ impl fmt::Display for Report {
         )?;
         let BuildTimes { tree, lists, operators } = build;
         write!(f, "s      plan: tree {tree:.3}  lists {lists:.3}  operators {operators:.3}")?;
+        if let Some(estimate) = estimate {
+            let Estimate { plan_seconds, near_seconds, far_seconds, .. } = estimate;
+            write!(
+                f,
+                "\ns      expected: plan {plan_seconds:.3} without operators, apply {:.3}: near {near_seconds:.3}, \
+                 expansions {far_seconds:.3}",
+                estimate.apply_seconds()
+            )?;
+        }
         if let Some(times) = apply {
             let ApplyTimes { permutation, p2m, m2m, m2l, l2l, l2p, m2p, near } = times;
             write!(
@@ -175,7 +193,7 @@ mod tests {
         let report = report();
         let text = report.to_string();
         assert_eq!(text.lines().count(), 2 + report.levels.len() + 5, "{text}");
-        assert!(text.starts_with("3000 sources, 1500 targets; "));
+        assert!(text.starts_with("fmm: 3000 sources, 1500 targets; "));
         let width = text.lines().map(str::len).max();
         assert!(width.is_some_and(|width| width <= 140), "{text}");
         let unmeasured = Report { apply: None, ..report };

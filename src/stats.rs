@@ -6,13 +6,15 @@ use rayon::prelude::*;
 
 use crate::expansion::Expansion;
 use crate::lists::{ALL, Lists};
-use crate::plan::{Plan, Workspace};
+use crate::plan::{Plan, Scheme, Workspace};
 use crate::shape::Node;
 
 /// What a plan consists of.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct Stats {
+    /// How the plan sums.
+    pub scheme: Scheme,
     /// Number of sources.
     pub sources: usize,
     /// Number of targets.
@@ -55,15 +57,16 @@ impl Stats {
     }
 }
 
-pub(crate) fn stats<E: Expansion>(plan: &Plan<E>, leaf_size: usize) -> Stats {
+pub(crate) fn stats<E: Expansion>(plan: &Plan<E>) -> Stats {
     let Plan { expansion, source_tree, target_tree, lists, .. } = plan;
     let depth = source_tree.shape.levels().max(target_tree.shape.levels()).saturating_sub(1);
     let mut stats = Stats {
+        scheme: plan.scheme,
         sources: plan.sources.len(),
         targets: plan.targets.len(),
         cells: source_tree.cells.len(),
         depth,
-        leaf_size,
+        leaf_size: plan.leaf_size,
         terms_per_cell: expansion.multipole_len(depth),
         expansion_pairs: 0,
         direct_pairs: 0,

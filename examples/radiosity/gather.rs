@@ -49,7 +49,7 @@ impl<const BANDS: usize> Gather<BANDS> {
         };
         match method.expansion {
             ExpansionName::SixteenMoment => {
-                let expansion = SixteenMoment::new(kernel, order(method.tolerance))?;
+                let expansion = SixteenMoment::with_tolerance(kernel, method.tolerance)?;
                 let builder = Fmm::with_expansion(expansion);
                 Self::build(builder.mask(visibility).scheme(scheme).progress(report), surfels)
             }
@@ -87,16 +87,6 @@ impl<const BANDS: usize> Gather<BANDS> {
         let stats = fmm.stats().clone();
         Ok(Self { apply: Box::new(move |radiosity| fmm.apply(radiosity)), stats })
     }
-}
-
-/// The order of the 16-moment expansion for a tolerance.
-///
-/// In the Cornell box the error of the whole sum was 4.2e-2, 6.2e-3, 9.3e-4 at orders 2, 4, 6: it falls
-/// by 0.38 per order. The start 0.6 leaves a factor of 2 to spare.
-fn order(tolerance: f64) -> usize {
-    const START: f64 = 0.6;
-    const FALL: f64 = 0.38;
-    ((START / tolerance).ln() / FALL.recip().ln()).ceil().max(1.0) as usize
 }
 
 #[cfg(test)]

@@ -6,6 +6,9 @@ use std::thread::available_parallelism;
 
 use clap::{Parser, ValueEnum};
 
+use crate::cli::{Precision, count, threads, tolerance};
+use crate::clouds::Cloud;
+
 /// Measures how plans and applications scale with the number of points.
 ///
 /// Errors are relative in the l2 norm against direct sums in double precision at 1,000 targets. They
@@ -55,17 +58,6 @@ pub(crate) struct Args {
     pub(crate) out: PathBuf,
 }
 
-/// A distribution of points.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Cloud {
-    /// Uniform in the unit cube
-    Cube,
-    /// Uniform on the unit sphere
-    Sphere,
-    /// Plummer's star cluster, truncated at ten of its radii
-    Plummer,
-}
-
 /// A kernel; r = |x − y|, and h is half the longest side of the cloud's bounding box.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum KernelName {
@@ -89,15 +81,6 @@ pub(crate) enum KernelName {
     Anisotropic,
 }
 
-/// A floating-point precision.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Precision {
-    /// Single
-    F32,
-    /// Double
-    F64,
-}
-
 impl Args {
     /// The numbers of threads to measure with, each once.
     pub(crate) fn threads(&self) -> Vec<usize> {
@@ -105,32 +88,5 @@ impl Args {
         let mut threads = self.threads.clone().unwrap_or_else(|| vec![1, all]);
         threads.dedup();
         threads
-    }
-}
-
-/// The name that a value of one of the enums above has on the command line.
-pub(crate) fn name(value: impl ValueEnum) -> String {
-    value.to_possible_value().map_or_else(String::new, |v| v.get_name().to_owned())
-}
-
-/// A whole number, which may be written like 1e6.
-fn count(text: &str) -> Result<usize, String> {
-    match text.parse::<f64>() {
-        Ok(n) if (1.0..=4e9).contains(&n) && n.fract() == 0.0 => Ok(n as usize),
-        _ => Err("expected a whole number from 1 to 4e9, such as 100000 or 1e5".into()),
-    }
-}
-
-fn tolerance(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(tolerance) if 0.0 < tolerance && tolerance < 1.0 => Ok(tolerance),
-        _ => Err("expected a number between 0 and 1, both excluded".into()),
-    }
-}
-
-fn threads(text: &str) -> Result<usize, String> {
-    match text.parse() {
-        Ok(count @ 1..=512) => Ok(count),
-        _ => Err("expected a whole number from 1 to 512".into()),
     }
 }

@@ -1,8 +1,26 @@
 //! The points and the charges: the same in every run.
 
+use std::f64::consts::TAU;
+
+use clap::ValueEnum;
 use glam::DVec3;
 
-use crate::args::Cloud;
+/// A distribution of points.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Cloud {
+    /// Uniform in the unit cube
+    Cube,
+    /// Uniform on the unit sphere
+    Sphere,
+    /// Plummer's star cluster, truncated at ten of its radii
+    Plummer,
+    /// Uniform on a line that is not along an axis
+    Line,
+    /// Two small balls far apart
+    Clusters,
+    /// On a tube of one hundredth of its length that winds three times
+    Helix,
+}
 
 /// A cloud of `n` points.
 pub(crate) fn cloud(cloud: Cloud, n: usize) -> Vec<DVec3> {
@@ -11,6 +29,16 @@ pub(crate) fn cloud(cloud: Cloud, n: usize) -> Vec<DVec3> {
         Cloud::Cube => DVec3::new(random.unit(), random.unit(), random.unit()),
         Cloud::Sphere => random.direction(),
         Cloud::Plummer => random.direction() * random.plummer_radius(),
+        Cloud::Line => DVec3::new(1.0, 0.6, -0.3) * random.unit(),
+        Cloud::Clusters => {
+            let side = if random.unit() < 0.5 { -0.5 } else { 0.5 };
+            DVec3::new(1.0, 0.4, 0.2) * side + random.direction() * (0.02 * random.unit())
+        }
+        Cloud::Helix => {
+            let along = random.unit();
+            let (sin, cos) = (3.0 * TAU * along).sin_cos();
+            DVec3::new(0.25 * cos, 0.25 * sin, along) + random.direction() * 0.01
+        }
     };
     (0..n).map(|_| point()).collect()
 }
@@ -35,7 +63,7 @@ impl Random {
 
     fn direction(&mut self) -> DVec3 {
         let z = 2.0 * self.unit() - 1.0;
-        let (sin, cos) = (std::f64::consts::TAU * self.unit()).sin_cos();
+        let (sin, cos) = (TAU * self.unit()).sin_cos();
         let r = (1.0 - z * z).sqrt();
         DVec3::new(r * cos, r * sin, z)
     }

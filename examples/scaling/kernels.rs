@@ -1,11 +1,12 @@
 //! The kernels, each with the one in double precision that judges it.
 
-use farfield::{Point, PointKernel, Real, from_fn};
+use farfield::{Point, PointKernel, Real};
 use farfield_potentials::{InverseDistance, InverseFourth, PotentialGradient};
-use glam::{DMat3, DVec3};
 use num_complex::Complex;
 
-use crate::args::{KernelName, Precision};
+use crate::args::KernelName;
+use crate::cli::Precision;
+use crate::formulas::{anisotropic, cube, gaussian, helmholtz, log, yukawa};
 
 /// A kernel between bare points whose charges and values a measurement can read.
 pub(crate) trait Summed<T: Real>:
@@ -55,66 +56,20 @@ pub(crate) fn with_kernel(
             }
         }
         (_, Precision::F32, _) | (_, _, true) => return false,
-        (K::Yukawa, ..) => {
-            let kernel = from_fn(move |x: DVec3, y: DVec3| {
-                let r = x.distance(y);
-                (-r / h).exp() / r
-            });
-            visit.visit(kernel.skip_coincident(), kernel.skip_coincident());
-        }
-        (K::Gaussian, ..) => {
-            let inverse = 1.0 / (h * h);
-            let formula = move |x: DVec3, y: DVec3| (-inverse * x.distance_squared(y)).exp();
-            visit.visit(from_fn(formula), from_fn(formula));
-        }
-        (K::Log, ..) => {
-            let formula = move |x: DVec3, y: DVec3| (x.distance(y) / h).ln();
-            let kernel = from_fn(formula).skip_coincident();
-            visit.visit(kernel, kernel);
-        }
-        (K::R3, ..) => {
-            let cube = move |x: DVec3, y: DVec3| {
-                let r = x.distance(y) / h;
-                r * r * r
-            };
-            visit.visit(from_fn(cube), from_fn(cube));
-        }
-        (K::Helmholtz, ..) => {
-            let k = 3.0 / h;
-            let wave = move |x: DVec3, y: DVec3| {
-                let r = x.distance(y);
-                let (sin, cos) = (k * r).sin_cos();
-                Complex::new(cos / r, sin / r)
-            };
-            let kernel = from_fn(wave).skip_coincident();
-            visit.visit(kernel, kernel);
-        }
-        (K::Anisotropic, ..) => {
-            let stretched = |x: DVec3, y: DVec3| {
-                let d = x - y;
-                1.0 / d.dot(CONDUCTIVITY * d).sqrt()
-            };
-            let kernel = from_fn(stretched).skip_coincident();
-            visit.visit(kernel, kernel);
-        }
+        (K::Yukawa, ..) => same(visit, yukawa(h)),
+        (K::Gaussian, ..) => same(visit, gaussian(h)),
+        (K::Log, ..) => same(visit, log(h)),
+        (K::R3, ..) => same(visit, cube(h)),
+        (K::Helmholtz, ..) => same(visit, helmholtz(h)),
+        (K::Anisotropic, ..) => same(visit, anisotropic()),
     }
     true
 }
 
-/// Half the longest side of the bounding box.
-pub(crate) fn half_width(points: &[DVec3]) -> f64 {
-    let Some(&first) = points.first() else { return 1.0 };
-    let (low, high) = points.iter().fold((first, first), |(l, h), &p| (l.min(p), h.max(p)));
-    let half = 0.5 * (high - low).max_element();
-    if half > 0.0 { half } else { 1.0 }
+/// A kernel that judges itself.
+fn same<K: Summed<f64>>(visit: &mut impl Visit, kernel: K) {
+    visit.visit(kernel, kernel);
 }
-
-/// A positive definite matrix without a zero: no reflection of an axis leaves its form unchanged.
-const CONDUCTIVITY: DMat3 = DMat3::from_cols(
-    DVec3::new(1.5, 0.3, -0.2),
-    DVec3::new(0.3, 1.0, 0.2),
-    DVec3::new(-0.2, 0.2, 0.8),
-);
 
 /// What a source carries.
 pub(crate) trait Charge {

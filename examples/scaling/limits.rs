@@ -8,8 +8,9 @@ use faer::traits::ComplexField;
 use faer::{Accum, Mat, Par};
 use farfield::{Additive, Expansion, Interpolation, Point, Real, Vector};
 
-use crate::args::{Cloud, KernelName, Precision};
-use crate::clouds;
+use crate::args::KernelName;
+use crate::cli::Precision;
+use crate::clouds::{self, Cloud};
 use crate::kernels::{Charge, Summed, Visit, with_kernel};
 
 /// Limits of one thread.

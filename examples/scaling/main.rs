@@ -12,10 +12,13 @@
 
 mod args;
 mod chart;
+mod cli;
 mod clouds;
+mod formulas;
 mod kernels;
 mod limits;
 mod measure;
+mod remembered;
 mod row;
 mod series;
 
@@ -26,8 +29,10 @@ use std::process::ExitCode;
 use clap::Parser;
 use glam::DVec3;
 
-use args::{Args, KernelName, Precision, name};
-use kernels::{half_width, with_kernel};
+use args::{Args, KernelName};
+use cli::{Precision, name};
+use formulas::half_width;
+use kernels::with_kernel;
 use limits::Limits;
 use measure::{Measurement, pool, rounded};
 use row::{LEGEND, Outcome, Setting, heading, line};

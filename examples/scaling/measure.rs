@@ -3,16 +3,17 @@
 use std::time::Instant;
 
 use farfield::{
-    ApplyTimes, Columns, Error, Fmm, Interpolation, Point, Real, Scalar, Vector, direct, from_fn,
-    relative_l2_error,
+    ApplyTimes, Columns, Error, Fmm, Point, Real, Scalar, Scheme, Vector, direct, relative_l2_error,
 };
 use glam::DVec3;
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 
-use crate::args::{Args, Precision};
+use crate::args::Args;
+use crate::cli::Precision;
 use crate::clouds;
 use crate::kernels::{Charge, Summed, Value, Visit};
 use crate::limits::Limits;
+use crate::remembered::forget_operators;
 use crate::row::{Outcome, Row, Setting};
 
 /// Targets at which errors are measured.
@@ -91,7 +92,10 @@ fn row<T: Real, K: Summed<T>>(
     limits: &Limits,
 ) -> Result<Outcome, Error> {
     forget_operators()?;
-    let build = || Fmm::builder(kernel).tolerance(setting.tolerance).build(points, points);
+    let build = || {
+        let builder = Fmm::builder(kernel).tolerance(setting.tolerance);
+        builder.scheme(Scheme::Fmm).build(points, points)
+    };
     let (fmm, plan) = timed(build)?;
     let error = error(&fmm.apply(charges)?);
     // A NaN fails too.
@@ -156,22 +160,6 @@ fn error<V: Value, R: Value>(values: &[&V], exact: &[R]) -> f64 {
         relative_l2_error(&gradients, &exact_gradients),
     ];
     if u.is_nan() || gradient.is_nan() { f64::NAN } else { u.max(gradient) }
-}
-
-/// Makes the engine forget the operators that it remembers, so that the next plan is a first one: plans
-/// for a constant kernel displace them.
-fn forget_operators() -> Result<(), Error> {
-    /// More than the engine remembers.
-    const PLANS: i32 = 32;
-    let constant = from_fn(|_: DVec3, _: DVec3| 1.0);
-    // Two of them share a corner of the tree, so that the third is well separated from their cells.
-    let points = [DVec3::ZERO, DVec3::splat(0.01), DVec3::ONE];
-    for i in 1..=PLANS {
-        let tolerance = 0.1 / f64::from(i);
-        let expansion = Interpolation::new(constant).tolerance(tolerance);
-        Fmm::with_expansion(expansion).leaf_size(1).build(&points, &points)?;
-    }
-    Ok(())
 }
 
 fn timed<V>(job: impl FnOnce() -> Result<V, Error>) -> Result<(V, f64), Error> {

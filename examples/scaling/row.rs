@@ -4,7 +4,9 @@ use std::fmt::Write as _;
 
 use farfield::{ApplyTimes, BuildTimes};
 
-use crate::args::{Cloud, KernelName, Precision, name};
+use crate::args::KernelName;
+use crate::cli::{Precision, name};
+use crate::clouds::Cloud;
 
 /// What is measured: one set of points, one kernel, one accuracy, one number of threads.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,7 +1,7 @@
 //! Rows that differ in the number of points alone: fitted exponents, and charts.
 
-use crate::args::name;
-use crate::chart::{Series, svg};
+use crate::chart::{Chart, Panel, Series};
+use crate::cli::name;
 use crate::row::{Outcome, Row, Setting};
 
 /// A time of a row, by its name.
@@ -45,14 +45,17 @@ pub(crate) fn charts(rows: &[(Setting, Outcome)]) -> Vec<(String, String)> {
                 label: format!("{}, {:.0e}", name(s.cloud), s.tolerance),
                 colour: tolerances.iter().position(|&t| t == s.tolerance).unwrap_or(0),
                 dashes: s.cloud as usize,
+                width: 1.6,
+                dots: 2.5,
                 points: rows.iter().map(|(n, row)| (*n, of(row))).collect(),
             });
-            (time, series.collect())
+            Panel { title: time.into(), series: series.collect(), ..Panel::default() }
         };
-        let panels: Vec<_> = TIMES[..2].iter().map(panel).collect();
+        let panels = TIMES[..2].iter().map(panel).collect();
         let title = format!("{kernel}, {precision}, threads: {}", first.threads);
         let file = format!("{kernel}-{precision}-{}.svg", first.threads).replace('/', "-over-");
-        charts.push((file, svg(&title, "points", "seconds", &panels)));
+        let (x, y) = ("points".into(), "seconds".into());
+        charts.push((file, Chart { title, x, y, panels, ..Chart::default() }.svg()));
     }
     charts
 }

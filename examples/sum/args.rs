@@ -53,7 +53,7 @@ pub(crate) struct Args {
     pub(crate) precision: Precision,
 
     /// How to sum
-    #[arg(long, value_enum, default_value_t = Scheme::Fmm)]
+    #[arg(long, value_enum, default_value_t = Scheme::Auto)]
     pub(crate) scheme: Scheme,
 
     /// Most points in a leaf of the octree [default: the expansion's choice]
@@ -103,6 +103,8 @@ pub(crate) enum Precision {
 /// A way to sum.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Scheme {
+    /// Whichever is expected to be fastest; with --leaf-size, fmm
+    Auto,
     /// Fast multipole method: cells act on cells, O(N)
     Fmm,
     /// Treecode: cells act on points, O(N log N)

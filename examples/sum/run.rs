@@ -144,11 +144,13 @@ where
     let start = Instant::now();
     let order = order::<E, O>(args)?;
     let expansion = HarmonicExpansion::new(PowerLaw::<E, T, T, O>::default(), order)?;
-    let mut builder = Fmm::with_expansion(expansion).scheme(match args.scheme {
-        Scheme::Fmm => farfield::Scheme::Fmm,
-        Scheme::Treecode => farfield::Scheme::Treecode { m2m: true },
-        Scheme::Direct => farfield::Scheme::Direct,
-    });
+    let mut builder = Fmm::with_expansion(expansion);
+    builder = match args.scheme {
+        Scheme::Auto => builder,
+        Scheme::Fmm => builder.scheme(farfield::Scheme::Fmm),
+        Scheme::Treecode => builder.scheme(farfield::Scheme::Treecode { m2m: true }),
+        Scheme::Direct => builder.scheme(farfield::Scheme::Direct),
+    };
     if let Some(leaf_size) = args.leaf_size {
         builder = builder.leaf_size(leaf_size);
     }
@@ -164,7 +166,7 @@ where
         targets: input.targets.len(),
         kernel: args::name(args.kernel),
         gradient: args.gradient,
-        scheme: args::name(args.scheme),
+        scheme: fmm.stats().scheme.to_string(),
         precision: args::name(args.precision),
         threads: rayon::current_num_threads(),
         tolerance,

@@ -25,7 +25,7 @@ use clap::{Parser, ValueEnum};
 use farfield::{Fmm, direct_masked, relative_l2_error};
 use farfield_radiosity::{Irradiance, Occluders, Surfel, Visibility};
 
-use chart::Series;
+use chart::{Chart, Panel, Series};
 use room::Room;
 
 /// Measures what visibility costs.
@@ -241,11 +241,12 @@ fn rays(rows: &[Row], args: &Args) -> String {
             (x, first.rays * (x / first.elements as f64).sqrt())
         };
         let points = args.elements.iter().map(line).collect();
-        all.push(Series { label: "∝ √N".into(), colour: 5, dashes: 2, points });
+        let label = "∝ √N".into();
+        all.push(Series { label, colour: 5, dashes: 2, width: 1.6, dots: 2.5, points });
     }
     let title =
         format!("Rays per element in a room with two blocks, tolerance {:e}", args.tolerance);
-    chart::svg(&title, "elements", "rays per element", &[("visibility", all)])
+    one_panel(title, "rays per element", "visibility", all)
 }
 
 fn seconds(rows: &[Row], args: &Args) -> String {
@@ -264,7 +265,12 @@ fn seconds(rows: &[Row], args: &Args) -> String {
         )
         .collect();
     let title = format!("Seconds in a room with two blocks, tolerance {:e}", args.tolerance);
-    chart::svg(&title, "elements", "seconds", &[("gather of three bands", all)])
+    one_panel(title, "seconds", "gather of three bands", all)
+}
+
+fn one_panel(title: String, y: &str, what: &str, series: Vec<Series>) -> String {
+    let panels = vec![Panel { title: what.into(), series, ..Panel::default() }];
+    Chart { title, x: "elements".into(), y: y.into(), panels, ..Chart::default() }.svg()
 }
 
 fn series(
@@ -277,7 +283,7 @@ fn series(
 ) -> Series {
     let own = rows.iter().filter(|row| row.way == way);
     let points = own.map(|row| (row.elements as f64, value(row))).collect();
-    Series { label, colour, dashes, points }
+    Series { label, colour, dashes, width: 1.6, dots: 2.5, points }
 }
 
 /// A whole number, also as 1e5.

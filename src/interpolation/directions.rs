@@ -13,6 +13,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use num_traits::Float;
 use rayon::prelude::*;
 
 use crate::dense::Matrix;
@@ -21,7 +22,7 @@ use crate::interpolation::basis::{Basis, adjoint};
 use crate::interpolation::ranges::{Factors, Side};
 use crate::probe::{Formula, norm_squared, zero};
 use crate::products::Batched;
-use crate::real::Scalar;
+use crate::real::{Real, Scalar};
 
 /// The bases of cells of one size.
 #[derive(Debug)]
@@ -204,10 +205,19 @@ impl<S: Scalar> Bases<S> {
         let (spread, collect, cores) = Factors::new(kernel, self, axes, members).compress();
         let size = cores.iter().map(|core| norm_squared(&core.data)).fold(0.0, f64::max).sqrt();
         let single = size_of::<S>() > size_of::<S::Single>();
-        match single && SINGLE_ROUNDING * size <= ROUNDING_SHARE * self.cut {
-            true => Digits::Single(self.in_digits(axes, [&collect, &spread], &cores, S::to_single)),
-            false => Digits::Full(self.in_digits(axes, [&collect, &spread], &cores, |x| x)),
+        let sides = [&collect, &spread];
+        if single && SINGLE_ROUNDING * size <= ROUNDING_SHARE * self.cut {
+            let shrink = S::from_real(self.unit().recip());
+            let cores: Vec<Matrix<S>> = cores.iter().map(|w| w.map(|w| w * shrink)).collect();
+            return Digits::Single(self.in_digits(axes, sides, &cores, S::to_single));
         }
+        Digits::Full(self.in_digits(axes, sides, &cores, |x| x))
+    }
+
+    /// What the W_o are divided by in single precision: then their range is that of the tolerance,
+    /// however large or small the kernel is.
+    pub(crate) fn unit(&self) -> S::Real {
+        power_of_two(S::Real::from_f64(self.cut))
     }
 
     fn in_digits<R: Scalar>(
@@ -285,6 +295,14 @@ fn reflect<R: Scalar>(
             }
         }
     }
+}
+
+/// A power of two of about this size, whose inverse is finite; 1 for zero and what is not finite.
+pub(crate) fn power_of_two<T: Real>(size: T) -> T {
+    if !(size > T::from_f64(0.0) && size < T::infinity()) {
+        return T::from_f64(1.0);
+    }
+    size.log2().floor().exp2().max(T::min_positive_value() * T::from_f64(4.0))
 }
 
 /// The relative error of products in single precision, root mean square.

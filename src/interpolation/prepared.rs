@@ -116,10 +116,11 @@ impl<S: Scalar> Invariant<S> {
         accuracy: Accuracy,
         geometry: &Geometry<S::Real>,
     ) -> Result<Self, Error> {
-        let degree = probe::homogeneity(kernel, &geometry.root);
+        let levels = || geometry.levels.iter().map(|level| level.half_width);
+        let degree = probe::homogeneity(kernel, geometry.root.half_width(), levels());
         let half_widths = match degree {
             Some(_) => vec![S::Real::from_f64(1.0)],
-            None => geometry.levels.iter().map(|level| level.half_width).collect(),
+            None => levels().collect(),
         };
         let sizes = Sizes { half_widths, homogeneous: degree.is_some(), extent: EXTENT };
         let key = Key::new(kernel_type, kernel, accuracy, &sizes);

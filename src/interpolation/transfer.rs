@@ -2,15 +2,16 @@
 
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
+use num_traits::Float;
 use rayon::prelude::*;
 
 use crate::expansion::{LevelPairs, OffsetMap};
-use crate::interpolation::directions::{Bases, Digits, Place, directions};
+use crate::interpolation::directions::{Bases, Digits, Place, directions, power_of_two};
 use crate::interpolation::exchange::{BLOCK, Coordinates, Exchange, Pair};
 use crate::interpolation::means::{INTERACTION_OFFSETS, interaction_offsets, weight};
 use crate::pool::Pool;
 use crate::probe::{Formula, zero};
-use crate::real::Scalar;
+use crate::real::{Real, Scalar};
 
 /// The M2L operators of cells of one size.
 #[derive(Debug)]
@@ -28,6 +29,8 @@ pub(crate) struct Transfers<S: Scalar> {
     coordinates: [usize; 2],
     /// How many cores the directions before one have.
     core_starts: Vec<usize>,
+    /// What cores are in units of, where they are in single precision.
+    unit: S::Real,
     sent: Pool<Sent<S>>,
     buffers: Pool<Buffers<S>>,
 }
@@ -40,6 +43,9 @@ struct Sent<S: Scalar> {
     /// [`BLOCK`] sources after the other, as [`Coordinates`] has it.
     full: Vec<S>,
     single: Vec<S::Single>,
+    /// What `single` is in units of: charges of any size, but for those that are nothing beside others,
+    /// stay within the range of single precision.
+    unit: S::Real,
 }
 
 /// What a task writes to in passing.
@@ -82,8 +88,8 @@ impl<S: Scalar> Transfers<S> {
                 near.extend(range.clone().map(|z| places.get([x, y, z]).copied()));
             }
         }
-        let (sent, buffers) = (Pool::default(), Pool::default());
-        Self { groups, firsts, places, near, starts, coordinates, core_starts, sent, buffers }
+        let (unit, sent, buffers) = (bases.unit(), Pool::default(), Pool::default());
+        Self { groups, firsts, places, near, starts, coordinates, core_starts, unit, sent, buffers }
     }
 
     /// The offsets that have an operator.
@@ -99,8 +105,10 @@ impl<S: Scalar> Transfers<S> {
                 group.add_one(place, m, l, |m| m, |l| l * S::from_real(scale));
             }
             Digits::Single(group) => {
-                let leave = |l| S::from_single(l) * S::from_real(scale);
-                group.add_one(place, m, l, S::to_single, leave);
+                let unit = unit_of(m);
+                let shrink = S::from_real(unit.recip());
+                let leave = |l| self.in_full(l, unit) * S::from_real(scale);
+                group.add_one(place, m, l, |m| (m * shrink).to_single(), leave);
             }
         }
         true
@@ -146,7 +154,9 @@ impl<S: Scalar> Transfers<S> {
         multipoles: &[S],
         sent: &mut Sent<S>,
     ) {
-        let Sent { wanted, full, single } = sent;
+        let Sent { wanted, full, single, unit } = sent;
+        *unit = if self.coordinates[1] > 0 { unit_of(multipoles) } else { S::Real::from_f64(1.0) };
+        let shrink = S::from_real(unit.recip());
         wanted.clear();
         wanted.resize_with(pairs.sources.len(), AtomicU32::default);
         (0..pairs.targets.len()).into_par_iter().for_each(|t| {
@@ -172,7 +182,7 @@ impl<S: Scalar> Transfers<S> {
                     in_full.enter(multipoles.iter().copied());
                 }
                 if self.coordinates[1] > 0 {
-                    in_single.enter(multipoles.iter().map(|&m| m.to_single()));
+                    in_single.enter(multipoles.iter().map(|&m| (m * shrink).to_single()));
                 }
                 for (g, digits) in self.groups.iter().enumerate() {
                     let (first, start) = (self.firsts[g], BLOCK * self.starts[g] * columns);
@@ -223,7 +233,12 @@ impl<S: Scalar> Transfers<S> {
         }
         let scale = S::from_real(scale);
         full.leave(to, |l| l * scale);
-        single.leave(to, |l| S::from_single(l) * scale);
+        single.leave(to, |l| self.in_full(l, sent.unit) * scale);
+    }
+
+    /// What targets receive in single precision, of multipoles in units of `unit`.
+    fn in_full(&self, l: S::Single, unit: S::Real) -> S {
+        S::from_single(l) * S::from_real(unit) * S::from_real(self.unit)
     }
 
     /// The pairs of `count` targets from `first` on, core by core; calls `other(source, target)` for
@@ -304,6 +319,19 @@ impl<S: Scalar> Transfers<S> {
         ranks as f64 / places.len().max(1) as f64
     }
 }
+
+/// A power of two of about the size of the largest of these numbers.
+fn unit_of<S: Scalar>(numbers: &[S]) -> S::Real {
+    let largest = |numbers: &[S]| {
+        let parts = numbers.iter().flat_map(|number| number.parts());
+        parts.fold(S::Real::from_f64(0.0), |largest, part| Float::max(largest, part.abs()))
+    };
+    let zero = || S::Real::from_f64(0.0);
+    power_of_two(numbers.par_chunks(CHUNK).map(largest).reduce(zero, Float::max))
+}
+
+/// Numbers per task of a sweep over all of them.
+const CHUNK: usize = 1 << 14;
 
 /// Where an offset stands in [`Transfers::near`], if it is near.
 #[inline]

@@ -1,6 +1,7 @@
 //! Integration tests: everything is held against direct summation, target by target.
 
 mod certificate;
+mod choice;
 mod clouds;
 mod command_line;
 mod engine;

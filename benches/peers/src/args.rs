@@ -4,7 +4,9 @@ use std::num::NonZero;
 use std::path::PathBuf;
 use std::thread::available_parallelism;
 
-use clap::{Parser, ValueEnum};
+use clap::Parser;
+
+use crate::clouds::Cloud;
 
 /// Sums 1/r by farfield, ferreus_bbfmm and fmm3dpy: same points, charges and threads, equal error.
 #[derive(Debug, Parser)]
@@ -43,17 +45,6 @@ pub(crate) struct Args {
     /// Where peers.csv and the data for the rivals go
     #[arg(long, value_name = "DIR", default_value = "target/peers")]
     pub(crate) out: PathBuf,
-}
-
-/// A distribution of points.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Cloud {
-    /// Uniform in the unit cube
-    Cube,
-    /// Uniform on the unit sphere
-    Sphere,
-    /// Plummer's star cluster, truncated at ten of its radii
-    Plummer,
 }
 
 impl Args {

@@ -13,6 +13,8 @@ mod args;
 mod clouds;
 mod ferreus;
 mod problem;
+#[path = "../../../examples/scaling/remembered.rs"]
+mod remembered;
 mod rival;
 
 use std::env;
@@ -24,12 +26,14 @@ use std::process::{Command, ExitCode};
 use std::time::Instant;
 
 use clap::{Parser, ValueEnum};
-use farfield::{Fmm, direct, from_fn};
+use farfield::{Fmm, direct};
 use farfield_potentials::InverseDistance;
 use glam::DVec3;
 
 use args::Args;
+use clouds::Cloud;
 use problem::Problem;
+use remembered::forget_operators;
 use rival::Verdict;
 
 /// One sum and what it took, in seconds.
@@ -146,7 +150,7 @@ fn compare(args: &Args) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-fn pose(cloud: args::Cloud, n: usize) -> Problem {
+fn pose(cloud: Cloud, n: usize) -> Problem {
     let (points, charges) = (clouds::cloud(cloud, n), clouds::charges(n));
     let step = problem::step(n);
     let targets: Vec<DVec3> = points.iter().step_by(step).copied().collect();
@@ -197,18 +201,6 @@ fn farfield_trial(
     }
     let (plan, apply) = (median(&mut plans), median(&mut applies));
     Ok(Trial { knob: tolerance, error, plan, apply })
-}
-
-/// Makes the engine forget its operators: every plan is a first one, as the rivals' are.
-fn forget_operators() -> Result<(), farfield::Error> {
-    let constant = from_fn(|_: DVec3, _: DVec3| 1.0);
-    // Two of them share a corner of the tree, so that the third is well separated from their cells.
-    let points = [DVec3::ZERO, DVec3::splat(0.01), DVec3::ONE];
-    for i in 1..=32 {
-        let builder = Fmm::builder(constant).tolerance(0.1 / f64::from(i)).leaf_size(1);
-        builder.build(&points, &points)?;
-    }
-    Ok(())
 }
 
 fn line(who: &str, trial: &Trial, own: Option<&Trial>) -> String {

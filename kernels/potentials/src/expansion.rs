@@ -143,10 +143,8 @@ impl<E: Exponent, T: Real, C: Linear<T>, O: Output<T, C>> Expansion
         self.harmonic.len()
     }
 
-    fn leaf_size(&self, _pair_seconds: f64) -> usize {
-        // 27 neighbours of n² pairs each against 189 M2L translations.
-        let pair_work = if O::GRADIENT { 2.0 } else { 1.0 };
-        (LEAF_FACTOR * (self.harmonic.m2l_work() as f64 / pair_work).sqrt()) as usize + 8
+    fn leaf_size(&self, pair_seconds: f64) -> usize {
+        self.harmonic.leaf_size(1, pair_seconds)
     }
 
     fn p2m(&self, cell: &Cell<T>, sources: &[Point<T>], charges: &[C], multipole: &mut [C]) {
@@ -207,8 +205,6 @@ impl<E: Exponent, T: Real, C: Linear<T>, O: Output<T, C>> Expansion
 
 /// Rounding errors of a sum, in units of the machine epsilon.
 const ROUNDING: f64 = 64.0;
-/// Points per leaf, per square root of the multiply-adds of one M2L.
-const LEAF_FACTOR: f64 = 1.3;
 /// The centre of `child` as seen from its parent, in the parent's half-widths.
 fn centre_in_parent<T: Real>(child: &Cell<T>) -> Point<T> {
     let octant = child.octant();

@@ -1,7 +1,7 @@
 //! The expansion in 16 moments: the numerator multiplied out, 1/r⁴ in harmonics.
 
 use farfield::{Cell, Columns, Error, Expansion, Linear, Located, Outcome, Point, Real, Vector};
-use farfield_potentials::harmonic::{Harmonic, Scratch};
+use farfield_potentials::harmonic::{Harmonic, MAX_ORDER, Scratch};
 
 use crate::kernel::Irradiance;
 use crate::surfel::Surfel;
@@ -43,11 +43,42 @@ impl<T: Real, C> SixteenMoment<T, C> {
         Ok(Self { kernel, harmonic: Harmonic::new(2.0, order)? })
     }
 
+    /// The expansion whose order is chosen so that sums have a relative l2 error of at most about
+    /// `tolerance`.
+    ///
+    /// # Errors
+    /// [`Error::InvalidTolerance`] unless 0 < `tolerance` < 1; [`Error::UnreachableTolerance`] if the
+    /// precision or the [highest order](farfield_potentials::harmonic::MAX_ORDER) doesn't suffice.
+    pub fn with_tolerance(kernel: Irradiance<T, C>, tolerance: f64) -> Result<Self, Error> {
+        if !(tolerance > 0.0 && tolerance < 1.0) {
+            return Err(Error::InvalidTolerance { found: tolerance });
+        }
+        let rounding = ROUNDING * T::epsilon().as_f64();
+        let error = |order: usize| predicted_error(order).max(rounding);
+        match (2..=MAX_ORDER).find(|&order| error(order) <= tolerance) {
+            Some(order) => Self::new(kernel, order),
+            None => {
+                let reachable = error(MAX_ORDER);
+                Err(Error::UnreachableTolerance { requested: tolerance, reachable })
+            }
+        }
+    }
+
     /// The order p of the harmonics.
     pub fn order(&self) -> usize {
         self.harmonic.order()
     }
 }
+
+/// An upper bound of the error of whole sums, fitted to those over cubes and spheres: at first
+/// it falls with what far cells send, at last with what the corners of the nearest do.
+fn predicted_error(order: usize) -> f64 {
+    let p = order as i32;
+    (0.6 * 0.38f64.powi(p)).max(0.05 * 0.55f64.powi(p))
+}
+
+/// Rounding errors of a sum, in units of the machine epsilon: products of the numerator cancel.
+const ROUNDING: f64 = 1024.0;
 
 impl<T: Real, C: Columns<T>> SixteenMoment<T, C> {
     /// Adds Σ_y F_k(y) SM_c(y) A_y q, F regular or singular.
@@ -116,6 +147,10 @@ impl<T: Real, C: Columns<T>> Expansion for SixteenMoment<T, C> {
 
     fn local_len(&self, _level: usize) -> usize {
         self.harmonic.len()
+    }
+
+    fn leaf_size(&self, pair_seconds: f64) -> usize {
+        self.harmonic.leaf_size(16 * C::WIDTH, pair_seconds)
     }
 
     fn p2m(&self, cell: &Cell<T>, sources: &[Surfel<T>], charges: &[C], multipole: &mut [[C; 16]]) {
@@ -413,5 +448,36 @@ mod tests {
             let error = relative_l2_error(&values, &exact);
             assert!(error < 1e-4, "{scheme:?}: {error:e}");
         }
+    }
+
+    #[test]
+    fn tolerances_are_met_or_refused() {
+        let root = Cube::new(DVec3::ZERO, 1.0);
+        let mut numbers = Numbers(13);
+        let cube = numbers.surfels(&Cell::new(&root, 0, [0; 3]), 1500);
+        let inwards = |surfel: &Surfel| {
+            let normal = -surfel.position.normalize();
+            Surfel { position: -normal, normal, ..*surfel }
+        };
+        let sphere: Vec<Surfel> = cube.iter().map(inwards).collect();
+        let kernel = Irradiance::<f64>::signed();
+        for (cloud, surfels) in [("cube", cube), ("sphere", sphere)] {
+            // All of one sign: on a sphere, nothing but their sum arrives.
+            let charges: Vec<f64> = surfels.iter().map(|_| 1.5 + numbers.next()).collect();
+            let exact = direct(&kernel, &surfels, &charges, &surfels);
+            for tolerance in [0.3, 1e-1, 1e-2, 1e-3, 1e-4, 1e-6] {
+                let expansion = SixteenMoment::with_tolerance(kernel, tolerance).unwrap();
+                let order = expansion.order();
+                let plan = Fmm::with_expansion(expansion).leaf_size(20);
+                let values = plan.build(&surfels, &surfels).unwrap().apply(&charges).unwrap();
+                let error = relative_l2_error(&values, &exact);
+                assert!(error <= tolerance, "{cloud}, order {order}: {error:e} for {tolerance:e}");
+            }
+        }
+        let refused = SixteenMoment::with_tolerance(Irradiance::<f32>::signed(), 1e-6);
+        let Err(Error::UnreachableTolerance { reachable, .. }) = refused else { panic!() };
+        assert!(SixteenMoment::with_tolerance(Irradiance::<f32>::signed(), reachable).is_ok());
+        let invalid = SixteenMoment::with_tolerance(kernel, 1.0);
+        assert!(matches!(invalid, Err(Error::InvalidTolerance { .. })));
     }
 }
