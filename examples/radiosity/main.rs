@@ -17,6 +17,8 @@ mod description;
 mod factors;
 mod fields;
 mod fit;
+#[cfg(test)]
+mod fuzz;
 mod gather;
 mod generators;
 mod geometry;

@@ -1,0 +1,402 @@
+//! Kernels that are singular, steep, of many scales, oscillatory, discontinuous, or not numbers.
+
+use farfield::{Cell, Error, Expansion, Fmm, Kernel, Located, direct, from_fn, relative_l2_error};
+use farfield_potentials::harmonic::{Harmonic, Scratch};
+use glam::DVec3;
+use num_complex::Complex;
+
+use crate::clouds::{self, Random, charges};
+use crate::table::row;
+use crate::{Formula, build, error, plain};
+
+fn inverse(x: DVec3, y: DVec3) -> f64 {
+    1.0 / x.distance(y)
+}
+
+#[test]
+fn cells_that_touch_are_never_expanded() {
+    // Cells one and two cells apart, by orders.
+    let error = |order, cells: f64| {
+        let harmonic = Harmonic::<f64>::new(0.5, order).unwrap();
+        let mut scratch = Scratch::new(&harmonic);
+        let [mut functions, mut m, mut l] = [(); 3].map(|()| vec![0.0; harmonic.len()]);
+        let mut random = Random::new(1);
+        let mut points = || (0..50).map(|_| random.in_cube() * 2.0 - DVec3::ONE).collect();
+        let [ys, xs]: [Vec<DVec3>; 2] = [points(), points()];
+        let shift = DVec3::X * (2.0 * cells);
+        for y in &ys {
+            harmonic.regular(*y, &mut functions);
+            m.iter_mut().zip(&functions).for_each(|(m, f)| *m += f);
+        }
+        harmonic.m2l(shift, &m, &mut l, &mut scratch);
+        let mut field = |x: &DVec3| {
+            harmonic.regular(*x, &mut functions);
+            l.iter().zip(&functions).map(|(l, f)| l * f).sum::<f64>()
+        };
+        let values: Vec<f64> = xs.iter().map(&mut field).collect();
+        let xs: Vec<DVec3> = xs.iter().map(|x| *x + shift).collect();
+        relative_l2_error(&values, &direct(&plain(inverse), &ys, &[1.0; 50], &xs))
+    };
+    let [touching, apart] = [1.0, 2.0].map(|cells| [10, 40].map(|order| error(order, cells)));
+    assert!(touching[1] > 10.0 * touching[0] && touching[1] > 1.0, "{touching:?}");
+    assert!(apart[1] < 1e-3 * apart[0], "{apart:?}");
+    // All cells of the first level touch.
+    let points = clouds::cube(200, 2);
+    let fmm = Fmm::builder(plain(inverse)).order(2).leaf_size(50).build(&points, &points).unwrap();
+    assert_eq!((fmm.stats().depth, fmm.stats().expansion_pairs), (1, 0));
+    row(
+        "Cells that touch",
+        "the series of corners diverges",
+        format!("error {:.0e} at order 10, {:.0e} at order 40", touching[0], touching[1]),
+        format!("{:.0e} and {:.0e}: at least one cell lies between", apart[0], apart[1]),
+    );
+}
+
+#[test]
+fn corners_that_face_each_other_are_certified() {
+    // All sources in one corner of a cell, all targets in the corner that faces it two cells on: the
+    // pairs for which an expansion is worst, and no others.
+    let mut random = Random::new(2);
+    let mut corner = |at: DVec3, sign: DVec3| -> Vec<DVec3> {
+        (0..100).map(|_| at + random.in_cube() * sign * 1e-3).collect()
+    };
+    let mut sources = corner(DVec3::splat(0.25), -DVec3::ONE);
+    let mut targets = corner(DVec3::new(0.5, 0.25, 0.25), DVec3::new(1.0, -1.0, -1.0));
+    for set in [&mut sources, &mut targets] {
+        set.extend([DVec3::ZERO, DVec3::ONE]);
+    }
+    let mut charges = vec![1.0; 102];
+    charges[100..].fill(0.0);
+    let exact = direct(&plain(inverse), &sources, &charges, &targets);
+    let mut lines = Vec::new();
+    for tolerance in [1e-3, 1e-6, 1e-9] {
+        let fmm = build(inverse, tolerance, &sources, &targets).unwrap();
+        assert!(fmm.stats().cell_pairs[0] > 0);
+        let (values, certificate) = fmm.apply_certified(&charges).unwrap();
+        let error = relative_l2_error(&values, &exact);
+        assert!(error <= (1.0 + 1e-6) * certificate.relative_l2, "{error:e} {certificate:?}");
+        assert!(error < 4.0 * tolerance, "{tolerance:e}: {error:e}");
+        lines.push(format!("{error:.0e} at {tolerance:.0e}"));
+    }
+    row(
+        "Barely separated cells, all charges in corners that face each other",
+        "the worst pairs of all, which a mean over cells does not show",
+        "tolerance taken for the error",
+        format!("error {}; the certificate bounds it", lines.join(", ")),
+    );
+}
+
+/// A point with a number of its own.
+#[derive(Clone, Copy, Debug)]
+struct Numbered {
+    position: DVec3,
+    number: usize,
+}
+
+impl Located for Numbered {
+    type Real = f64;
+    fn position(&self) -> DVec3 {
+        self.position
+    }
+}
+
+/// Counts all charges but a point's own.
+struct Others {
+    by_number: bool,
+}
+
+impl Kernel for Others {
+    type Real = f64;
+    type Source = Numbered;
+    type Target = Numbered;
+    type Charge = f64;
+    type Value = f64;
+
+    fn add(&self, x: &Numbered, y: &Numbered, q: &f64, u: &mut f64) {
+        let own = match self.by_number {
+            true => x.number == y.number,
+            false => x.position == y.position,
+        };
+        *u += if own { 0.0 } else { *q };
+    }
+}
+
+impl Expansion for Others {
+    type Kernel = Self;
+    type MultipoleTerm = f64;
+    type LocalTerm = f64;
+
+    fn kernel(&self) -> &Self {
+        self
+    }
+    fn multipole_len(&self, _: usize) -> usize {
+        1
+    }
+    fn local_len(&self, _: usize) -> usize {
+        1
+    }
+    fn p2m(&self, _: &Cell<f64>, _: &[Numbered], charges: &[f64], m: &mut [f64]) {
+        m[0] += charges.iter().sum::<f64>();
+    }
+    fn m2m(&self, _: &Cell<f64>, _: &Cell<f64>, from: &[f64], to: &mut [f64]) {
+        to[0] += from[0];
+    }
+    fn m2l(&self, _: &Cell<f64>, _: &Cell<f64>, from: &[f64], to: &mut [f64]) {
+        to[0] += from[0];
+    }
+    fn l2l(&self, _: &Cell<f64>, _: &Cell<f64>, from: &[f64], to: &mut [f64]) {
+        to[0] += from[0];
+    }
+    fn l2p(&self, _: &Cell<f64>, l: &[f64], _: &[Numbered], us: &mut [f64]) {
+        us.iter_mut().for_each(|u| *u += l[0]);
+    }
+}
+
+#[test]
+fn whether_a_point_acts_on_itself_is_said_by_position_or_by_number() {
+    // Two points at every place.
+    let places = clouds::cube(600, 3);
+    let points: Vec<Numbered> =
+        (0..1200).map(|number| Numbered { position: places[number / 2], number }).collect();
+    let charges: Vec<f64> = (0..1200).map(|i| f64::from(i % 7) - 2.0).collect();
+    let total: f64 = charges.iter().sum();
+    let sums = |by_number| {
+        let fmm = Fmm::with_expansion(Others { by_number }).leaf_size(10);
+        let fmm = fmm.build(&points, &points).unwrap();
+        assert!(fmm.stats().cell_pairs[0] > 0);
+        fmm.apply(&charges).unwrap()
+    };
+    let at_place = |i: usize| charges[i / 2 * 2] + charges[i / 2 * 2 + 1];
+    for (i, (by_position, by_number)) in sums(false).into_iter().zip(sums(true)).enumerate() {
+        assert_eq!((by_position, by_number), (total - at_place(i), total - charges[i]));
+    }
+    // With neither, the formula is taken at its word.
+    let at = [places[0], DVec3::X, places[0]];
+    let singular = Fmm::builder(from_fn(inverse as Formula)).order(3).build(&at, &at).unwrap();
+    let refused = singular.apply(&[1.0; 3]);
+    assert!(matches!(refused, Err(Error::NonFiniteValue { index: 0, .. })), "{refused:?}");
+    let naive: f64 = at.iter().map(|y| inverse(at[0], *y)).sum();
+    row(
+        "Coincident points under a singular kernel",
+        "1/0; whether twins see each other is nobody's decision",
+        format!("sum {naive}"),
+        "twins apart by number, skipped by position, both exact; undecided: `NonFiniteValue`",
+    );
+}
+
+#[test]
+fn steep_kernels_meet_their_tolerances() {
+    let points = clouds::cube(1500, 4);
+    let charges = charges(1500, 5);
+    let steep = |x: DVec3, y: DVec3| x.distance_squared(y).powi(-3);
+    // The nearest pairs outweigh all others, so the far field is looked at by itself.
+    let targets: Vec<DVec3> = points.iter().map(|p| *p + DVec3::X * 1.5).collect();
+    let exact = direct(&plain(steep), &points, &charges, &targets);
+    let absolute: Vec<f64> = charges.iter().map(|q| q.abs()).collect();
+    let absolute = direct(&plain(steep), &points, &absolute, &targets);
+    let condition = relative_l2_error(&absolute, &vec![0.0; 1500])
+        / relative_l2_error(&exact, &vec![0.0; 1500]);
+    let mut lines = Vec::new();
+    for tolerance in [1e-2, 1e-4] {
+        let fmm = build(steep, tolerance, &points, &targets).unwrap();
+        assert!(fmm.stats().direct_pairs < 1500 * 1500 / 2);
+        let error = relative_l2_error(&fmm.apply(&charges).unwrap(), &exact) / condition;
+        assert!(error < tolerance, "{tolerance:e}: {error:e}");
+        lines.push(format!("{error:.0e} at {tolerance:.0e}"));
+    }
+    let naive = fixed_order(steep, 4, &points, &charges, &targets);
+    row(
+        "Steep kernels: 1/r⁶",
+        "a fixed order is good for one exponent",
+        format!("error {naive:.0e} with 4 nodes"),
+        format!("error {}", lines.join(", ")),
+    );
+}
+
+/// The error of an order that nothing was asked about.
+fn fixed_order(
+    formula: Formula,
+    order: usize,
+    sources: &[DVec3],
+    charges: &[f64],
+    targets: &[DVec3],
+) -> f64 {
+    let fmm = Fmm::builder(plain(formula)).order(order).leaf_size(20);
+    let values = fmm.build(sources, targets).unwrap().apply(charges).unwrap();
+    relative_l2_error(&values, &direct(&plain(formula), sources, charges, targets))
+}
+
+/// Points whose distances from one of them span six decades.
+fn graded(n: usize, seed: u64) -> Vec<DVec3> {
+    let mut random = Random::new(seed);
+    (0..n).map(|_| random.direction() * 10f64.powf(-6.0 * random.unit())).collect()
+}
+
+#[test]
+fn kernels_with_a_scale_meet_their_tolerances_over_twenty_levels() {
+    let points = graded(1500, 6);
+    let charges = vec![1.0; 1500];
+    let mut lines = Vec::new();
+    let formulas: [(&str, Formula); 2] = [
+        ("Yukawa", |x, y| (-20.0 * x.distance(y)).exp() / x.distance(y)),
+        ("Gaussian", |x, y| (-3000.0 * x.distance_squared(y)).exp()),
+    ];
+    for (name, formula) in formulas {
+        let fmm = build(formula, 1e-2, &points, &points).unwrap();
+        assert!(fmm.stats().depth >= 18, "{}", fmm.stats().depth);
+        let exact = direct(&plain(formula), &points, &charges, &points);
+        let error = relative_l2_error(&fmm.apply(&charges).unwrap(), &exact);
+        assert!(error < 1e-2, "{name}: {error:e}");
+        lines.push(format!("{name} {error:.0e}"));
+    }
+    // Operators of one level, scaled as those of 1/r may be, are those of another Yukawa kernel.
+    let yukawa = |scale: f64| (-20.0 * 4.0 * scale).exp() / (4.0 * scale);
+    let naive = (yukawa(0.25) * 0.25 / (yukawa(0.25f64.powi(5)) * 0.25f64.powi(5)) - 1.0).abs();
+    assert!(naive > 0.9);
+    row(
+        "Yukawa and Gaussian kernels over 20 levels",
+        "operators of one level do not serve the next; exponentials underflow",
+        format!("error {naive:.1} four levels on"),
+        format!("at tolerance 1e-2: {}", lines.join(", ")),
+    );
+}
+
+#[test]
+fn a_scale_far_from_the_extent_is_not_overlooked() {
+    // Over 2e7 units a softening of one unit is not to be seen; between cells of one unit it is.
+    let softened = |x: DVec3, y: DVec3| 1.0 / (x.distance_squared(y) + 1.0).sqrt();
+    let points: Vec<DVec3> = clouds::cube(1500, 7).iter().map(|p| *p * 2e7).collect();
+    let charges = charges(1500, 8);
+    let error = error(softened, 1e-6, &points, &charges).unwrap();
+    assert!(error < 1e-6, "{error:e}");
+    let at_unit = |r: f64| r / (r * r + 1.0).sqrt();
+    row(
+        "A softening of 1e-7 of the extent",
+        "homogeneous where it was probed, not where operators were built",
+        format!("error {:.0e} between unit cells", 1.0 - at_unit(4.0)),
+        format!("error {error:.0e} at tolerance 1e-6"),
+    );
+}
+
+#[test]
+fn waves_are_met_or_refused() {
+    let points = clouds::cube(800, 9);
+    let wave = |k: f64| {
+        from_fn(move |x: DVec3, y: DVec3| Complex::cis(k * x.distance(y)) / x.distance(y))
+            .skip_coincident()
+    };
+    let charges: Vec<Complex<f64>> = charges(800, 10).into_iter().map(Complex::from).collect();
+    let (mut met, mut refused) = (Vec::new(), Vec::new());
+    for k in [20.0, 300.0, 1e4] {
+        let exact = direct(&wave(k), &points, &charges, &points);
+        match Fmm::builder(wave(k)).tolerance(0.05).leaf_size(20).build(&points, &points) {
+            Ok(fmm) => {
+                let error = relative_l2_error(&fmm.apply(&charges).unwrap(), &exact);
+                assert!(error < 0.05, "k = {k}: {error:e}");
+                met.push(format!("k = {k}: {error:.0e}"));
+            }
+            Err(Error::UnreachableTolerance { requested, reachable }) => {
+                assert!(requested == 0.05 && reachable > requested);
+                refused.push(format!("k = {k}"));
+            }
+            Err(other) => panic!("k = {k}: {other}"),
+        }
+    }
+    assert!(!met.is_empty() && refused.len() >= 2, "{met:?} {refused:?}");
+    let cosine = |x: DVec3, y: DVec3| (300.0 * x.distance(y)).cos();
+    let naive = fixed_order(cosine, 6, &points, &vec![1.0; 800], &points);
+    assert!(naive > 0.1);
+    row(
+        "Oscillatory kernels, up to 500 and 1,000s of periods",
+        "interpolation below two nodes per period is noise",
+        format!("error {naive:.1} with 6 nodes, k = 300"),
+        format!(
+            "tolerance 0.05: {}; `UnreachableTolerance` for {}",
+            met.join(", "),
+            refused.join(", ")
+        ),
+    );
+}
+
+#[test]
+fn discontinuous_kernels_are_refused_or_certified() {
+    let points = clouds::cube(1500, 11);
+    let charges = vec![1.0; 1500];
+    let cut_off = |x: DVec3, y: DVec3| if x.distance(y) < 0.55 { 1.0 } else { 0.0 };
+    let naive = fixed_order(cut_off, 6, &points, &charges, &points);
+    let refused = build(cut_off, 1e-3, &points, &points).map(|_| ());
+    let Err(Error::UnreachableTolerance { reachable, .. }) = refused else { panic!("{refused:?}") };
+    assert!(naive > 1e-3 && reachable > 1e-3);
+
+    // Different from place to place, and continuous about the centre, where it is looked at.
+    let step = |x: DVec3, y: DVec3| if x.x < 0.2 { 2.0 } else { 1.0 } / (0.3 + x.distance(y));
+    let fmm = build(step, 1e-3, &points, &points).unwrap();
+    let (values, certificate) = fmm.apply_certified(&charges).unwrap();
+    let error = relative_l2_error(&values, &direct(&plain(step), &points, &charges, &points));
+    assert!(error <= (1.0 + 1e-6) * certificate.relative_l2, "{error:e} {certificate:?}");
+    row(
+        "Discontinuous kernels",
+        "polynomials do not converge to a jump",
+        format!("error {naive:.0e} with 6 nodes"),
+        format!(
+            "`UnreachableTolerance`; a jump in x alone is not seen and off by {error:.0e}: \
+             certificate {:.0e}",
+            certificate.relative_l2
+        ),
+    );
+}
+
+#[test]
+fn kernels_that_are_not_numbers_are_named() {
+    let points = clouds::cube(1500, 12);
+    let charges = vec![1.0; 1500];
+    let formulas: [(&str, Formula); 4] = [
+        ("NaN far away", |x, y| (1.0 - x.distance_squared(y)).sqrt()),
+        ("NaN in one direction", |x, y| ((x - y).x + 0.3).sqrt()),
+        ("infinite far away", |x, y| 1.0 / (0.7 - x.distance(y)).max(0.0)),
+        ("NaN everywhere", |_, _| f64::NAN),
+    ];
+    let mut lines = Vec::new();
+    for (name, formula) in formulas {
+        let outcome = build(formula, 1e-3, &points, &points).and_then(|fmm| fmm.apply(&charges));
+        match outcome {
+            Err(Error::NonFiniteKernel) => lines.push(format!("{name}: `NonFiniteKernel`")),
+            Err(Error::NonFiniteValue { .. }) => lines.push(format!("{name}: `NonFiniteValue`")),
+            other => panic!("{name}: {:?}", other.map(|values| values[0])),
+        }
+    }
+    let naive: f64 = points.iter().map(|y| formulas[0].1(points[0], *y)).sum();
+    row(
+        "Kernels that return NaN or infinity",
+        "NaN passes comparisons, loops that wait for convergence never end",
+        format!("sum {naive}"),
+        lines.join("; "),
+    );
+}
+
+#[test]
+fn homogeneous_kernels_have_no_size() {
+    let fourth = |x: DVec3, y: DVec3| x.distance_squared(y).powi(-2);
+    let charges = vec![1.0; 1500];
+    let mut worst = 0.0f64;
+    for scale in [1e-50, 1.0, 1e60] {
+        let points: Vec<DVec3> = clouds::cube(1500, 13).iter().map(|p| *p * scale).collect();
+        // The far field by itself: the nearest pairs outweigh all others.
+        let targets: Vec<DVec3> = points.iter().map(|p| *p + DVec3::X * (1.5 * scale)).collect();
+        let fmm =
+            build(fourth, 1e-3, &points, &targets).unwrap_or_else(|e| panic!("{scale:e}: {e}"));
+        let units = |u: Vec<f64>| u.iter().map(|u| u * scale.powi(4)).collect::<Vec<_>>();
+        let exact = units(direct(&plain(fourth), &points, &charges, &targets));
+        let error = relative_l2_error(&units(fmm.apply(&charges).unwrap()), &exact);
+        assert!(error < 1e-3, "{scale:e}: {error:e}");
+        worst = worst.max(error);
+    }
+    let naive = [1e-50f64, 1e60].map(|r| r.powi(-4).powi(2));
+    assert_eq!(naive, [f64::INFINITY, 0.0]);
+    row(
+        "1/r⁴ over extents of 1e-50 and 1e60",
+        "squares of 1e200 and 1e-240, by which kernels are compared",
+        format!("norms of {naive:?}: refused, or taken for zero"),
+        format!("error {worst:.0e} at tolerance 1e-3"),
+    );
+}
