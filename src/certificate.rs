@@ -3,12 +3,12 @@
 use std::collections::HashMap;
 
 use num_traits::Float;
-use rayon::prelude::*;
 
 use crate::error::Error;
 use crate::expansion::{ChargeOf, Expansion, RealOf, ValueOf};
 use crate::fmm::{Fmm, check_values};
 use crate::judge::{Judge, Judgement};
+use crate::parallel;
 use crate::random::Random;
 use crate::real::{Additive, Real};
 use crate::sampling::{Sampling, Urn, upper_mean};
@@ -147,15 +147,11 @@ impl Squares {
 
 impl<'a, E: Expansion> Sample<'a, E> {
     fn new(judge: Judge<'a, E>, values: &'a [ValueOf<E>], far: &'a [ValueOf<E>]) -> Self {
-        let squares: Vec<[f64; 2]> = values
-            .par_iter()
-            .zip(far)
-            .map(|(value, far)| {
-                let mut near = *value;
-                near.subtract(far);
-                [near.norm_squared(), far.norm_squared()]
-            })
-            .collect();
+        let squares: Vec<[f64; 2]> = parallel::map(values.len(), &|i| {
+            let mut near = values[i];
+            near.subtract(&far[i]);
+            [near.norm_squared(), far[i].norm_squared()]
+        });
         let norm_squared = values.iter().map(Additive::norm_squared).sum();
         Self { judge, values, far, norm_squared, urn: Urn::new(&squares), known: HashMap::new() }
     }

@@ -2,11 +2,10 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
-
 use crate::error::Error;
 use crate::geometry::{Cell, Cube};
 use crate::kernel::{Kernel, Outcome};
+use crate::parallel;
 use crate::real::{Additive, Real};
 use crate::shape::Node;
 
@@ -289,7 +288,7 @@ impl<T: Real> LevelFamilies<'_, T> {
         visit: impl Fn(usize, usize, &mut [M]) + Sync,
     ) {
         let len = multipoles.len() / self.parents.len().max(1);
-        multipoles.par_chunks_mut(len.max(1)).enumerate().for_each(|(p, multipole)| {
+        parallel::for_each_piece(multipoles, len, &|p, multipole| {
             self.children_of(p).for_each(|c| visit(p, c, multipole));
         });
     }
@@ -301,7 +300,7 @@ impl<T: Real> LevelFamilies<'_, T> {
         visit: impl Fn(usize, usize, &mut [L]) + Sync,
     ) {
         let len = locals.len() / self.children.len().max(1);
-        locals.par_chunks_mut(len.max(1)).enumerate().for_each(|(c, local)| {
+        parallel::for_each_piece(locals, len, &|c, local| {
             if let Some(p) = self.parent_of(c) {
                 visit(p, c, local);
             }
@@ -344,7 +343,7 @@ impl<T: Real> LevelPairs<'_, T> {
         visit: impl Fn(usize, usize, &mut [L]) + Sync,
     ) {
         let len = locals.len() / self.targets.len().max(1);
-        locals.par_chunks_mut(len.max(1)).enumerate().for_each(|(t, local)| {
+        parallel::for_each_piece(locals, len, &|t, local| {
             self.sources_of(t).for_each(|s| visit(s, t, local));
         });
     }
@@ -369,7 +368,7 @@ impl<V: Send> OffsetMap<V> {
         let mut offsets = offsets.to_vec();
         offsets.sort_unstable();
         offsets.dedup();
-        let values = offsets.par_iter().map(|&offset| make(offset)).collect();
+        let values = parallel::map(offsets.len(), &|i| make(offsets[i]));
         Self { offsets, values }
     }
 

@@ -3,11 +3,10 @@
 use std::fmt;
 use std::sync::Mutex;
 
-use rayon::prelude::*;
-
 use crate::error::Error;
 use crate::estimate::Estimate;
 use crate::expansion::{ChargeOf, Expansion, ValueOf};
+use crate::parallel;
 use crate::plan::{Plan, Workspace};
 use crate::real::Additive;
 use crate::stats::{Stats, stats};
@@ -132,10 +131,13 @@ pub(crate) fn check_values<V: Additive>(values: &[V]) -> Result<(), Error> {
 
 /// Index of the first value that is not finite. O(N).
 fn first_not_finite<V: Additive>(values: &[V]) -> Option<usize> {
-    // To ask after each single value whether another thread has found one would cost more.
-    let not_finite = |chunk: &[V]| !chunk.iter().all(V::is_finite);
-    let start = CHUNK * values.par_chunks(CHUNK).position_first(not_finite)?;
-    values[start..].iter().position(|v| !v.is_finite()).map(|i| start + i)
+    let chunks = values.len().div_ceil(CHUNK);
+    let found = parallel::map(chunks, &|chunk| {
+        let start = CHUNK * chunk;
+        let mut values = values[start..].iter().take(CHUNK);
+        values.position(|v| !v.is_finite()).map(|i| start + i)
+    });
+    found.into_iter().flatten().next()
 }
 
 /// Values per task of a check.

@@ -2,6 +2,8 @@
 
 use rayon::prelude::*;
 
+use crate::parallel;
+
 /// Items grouped by the index of their group.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Grouped<V> {
@@ -72,7 +74,8 @@ impl<V: Copy + Default + Send + Sync> Grouped<V> {
         &self,
         map: impl Fn(usize, &[V], &mut Vec<W>) + Sync,
     ) -> Grouped<W> {
-        let part = |first: usize| {
+        let part = |part: usize| {
+            let first = part * GROUPS;
             let mut part = Grouped::default();
             for g in first..(first + GROUPS).min(self.len()) {
                 map(g, self.of(g), &mut part.items);
@@ -80,8 +83,7 @@ impl<V: Copy + Default + Send + Sync> Grouped<V> {
             }
             part
         };
-        let parts: Vec<Grouped<W>> =
-            (0..self.len()).into_par_iter().step_by(GROUPS).map(part).collect();
+        let parts: Vec<Grouped<W>> = parallel::map(self.len().div_ceil(GROUPS), &part);
         Grouped::join(parts.into_iter())
     }
 
@@ -93,7 +95,7 @@ impl<V: Copy + Default + Send + Sync> Grouped<V> {
     /// Whether `holds(g, item)` is true of every item.
     pub(crate) fn all(&self, holds: impl Fn(usize, V) -> bool + Sync) -> bool {
         self.items.is_empty()
-            || (0..self.len()).into_par_iter().all(|g| self.of(g).iter().all(|&v| holds(g, v)))
+            || parallel::all(self.len(), &|g| self.of(g).iter().all(|&v| holds(g, v)))
     }
 
     /// Its size in memory.

@@ -2,10 +2,9 @@
 
 use std::sync::Arc;
 
-use rayon::prelude::*;
-
 use crate::error::{Error, PointSet};
 use crate::geometry::Cube;
+use crate::parallel;
 use crate::real::Located;
 use crate::tree::{Bounds, Tree};
 
@@ -38,7 +37,7 @@ impl<S: Located, X: Located<Real = S::Real>> Grove<S, X> {
         }
         let source_tree = Arc::new(Tree::new(&root, sources, leaf_size));
         let same_points = sources.len() == targets.len()
-            && sources.par_iter().zip(targets).all(|(y, x)| y.position() == x.position());
+            && parallel::all(sources.len(), &|i| sources[i].position() == targets[i].position());
         let target_tree = if same_points {
             Arc::clone(&source_tree)
         } else {
@@ -66,5 +65,6 @@ impl<S: Located, X: Located<Real = S::Real>> Grove<S, X> {
 }
 
 fn in_tree_order<P: Located>(points: &[P], tree: &Tree<P::Real>) -> Vec<P> {
-    tree.shape.order.par_iter().map(|&i| points[i as usize].clone()).collect()
+    let order = &tree.shape.order;
+    parallel::map(order.len(), &|rank| points[order[rank] as usize].clone())
 }

@@ -2,12 +2,11 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
-
 use crate::double_word::DoubleWord;
 use crate::expansion::{ChargeOf, Expansion, RealOf, TargetOf, ValueOf};
 use crate::kernel::Kernel;
 use crate::lists::{ALL, for_each_set_bit};
+use crate::parallel;
 use crate::plan::Plan;
 use crate::real::{Additive, Linear, Real};
 
@@ -41,7 +40,7 @@ impl<E: Expansion> Judge<'_, E> {
     /// the kernel rounds it; their sum is off by at most 2 N u² Σ_j ‖K(x, y_j) q_j‖ for N sources and
     /// unit round-off u. O(N) per target.
     pub(crate) fn sums(&self, targets: &[usize]) -> Vec<Judgement<ValueOf<E>>> {
-        let mut judgements: Vec<_> = targets.par_iter().map(|&t| self.listed(t)).collect();
+        let mut judgements = parallel::map(targets.len(), &|i| self.listed(targets[i]));
         let whole = |&i: &usize| judgements[i].1;
         let whole: Vec<usize> = (0..targets.len()).filter(whole).collect();
         let xs: Vec<TargetOf<E>> =
@@ -110,17 +109,17 @@ impl<E: Expansion> Judge<'_, E> {
             .map(|first| first..(first + SECTION).min(sources))
             .collect();
         let block = |xs: &[TargetOf<E>]| {
-            let section = |section: &Range<usize>| {
+            let parts = parallel::map(sections.len(), &|i| {
                 let mut sums = Sums::zero(xs.len());
-                self.add(xs, section.clone(), 1.0, &mut sums);
+                self.add(xs, sections[i].clone(), 1.0, &mut sums);
                 sums
-            };
-            let parts: Vec<_> = sections.par_iter().map(section).collect();
+            });
             let mut total = Sums::zero(xs.len());
             parts.iter().for_each(|part| total.add(part));
-            total.values.into_iter().zip(total.absolute)
+            total.values.into_iter().zip(total.absolute).collect::<Vec<_>>()
         };
-        xs.par_chunks(BLOCK).flat_map_iter(block).collect()
+        let blocks: Vec<_> = xs.chunks(BLOCK).collect();
+        parallel::map(blocks.len(), &|i| block(blocks[i])).into_iter().flatten().collect()
     }
 
     /// Adds the fields of `sources` at `xs`, one pair at a time.

@@ -3,10 +3,9 @@
 use std::fmt;
 use std::marker::PhantomData;
 
-use rayon::prelude::*;
-
 use crate::dispatch::PairLoop;
 use crate::lists::for_each_set_bit;
+use crate::parallel;
 use crate::real::{Additive, Columns, Linear, Located, Point, Real, Scalar};
 
 /// The sum's kernel: u(x) += K(x, y) q, linear in q.
@@ -237,13 +236,12 @@ pub fn direct<K: Kernel>(
 ) -> Vec<K::Value> {
     assert_eq!(sources.len(), charges.len(), "one charge per source");
     let mut values = vec![K::Value::zero(); targets.len()];
-    values.par_chunks_mut(DIRECT_BLOCK).zip(targets.par_chunks(DIRECT_BLOCK)).for_each(
-        |(us, xs)| {
-            for (ys, qs) in sources.chunks(DIRECT_RUN).zip(charges.chunks(DIRECT_RUN)) {
-                kernel.add_block(xs, ys, qs, 0.0, us);
-            }
-        },
-    );
+    parallel::for_each_piece(&mut values, DIRECT_BLOCK, &|block, us| {
+        let xs = &targets[DIRECT_BLOCK * block..][..us.len()];
+        for (ys, qs) in sources.chunks(DIRECT_RUN).zip(charges.chunks(DIRECT_RUN)) {
+            kernel.add_block(xs, ys, qs, 0.0, us);
+        }
+    });
     values
 }
 

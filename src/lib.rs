@@ -46,6 +46,7 @@ mod products;
 mod dense;
 mod real;
 mod random;
+mod parallel;
 mod double_word;
 mod geometry;
 mod morton;

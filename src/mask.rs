@@ -1,9 +1,8 @@
 //! Masks: which pairs count.
 
-use rayon::prelude::*;
-
 use crate::geometry::Cell;
 use crate::kernel::Kernel;
+use crate::parallel;
 use crate::real::Additive;
 use crate::real::Located;
 
@@ -115,7 +114,7 @@ pub fn direct_masked<K: Kernel>(
         }
         u
     };
-    targets.par_iter().map(sum).collect()
+    parallel::map(targets.len(), &|i| sum(&targets[i]))
 }
 
 impl<K: Kernel, M: Mask<K>> Mask<K> for &M {

@@ -6,11 +6,10 @@
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
-use rayon::prelude::*;
-
 use crate::expansion::{ChargeOf, Expansion, LevelPairs, TargetOf, ValueOf};
 use crate::kernel::{Kernel, Outcome};
 use crate::near::{Gathered, Near};
+use crate::parallel;
 use crate::plan::{Plan, Scheme, Workspace};
 use crate::real::Additive;
 use crate::times::{ApplyTimes, Clock};
@@ -80,8 +79,13 @@ impl<E: Expansion> Plan<E> {
 
     /// The sums in the caller's order.
     pub(crate) fn in_callers_order(&self, workspace: &Workspace<E>) -> Vec<ValueOf<E>> {
-        let ranks = self.layout.target_ranks.par_iter();
-        ranks.map(|&rank| workspace.values[rank as usize]).collect()
+        let ranks = &self.layout.target_ranks;
+        let mut values = vec![Additive::zero(); ranks.len()];
+        parallel::for_each_piece(&mut values, PIECE, &|piece, values| {
+            let places = values.iter_mut().zip(&ranks[PIECE * piece..]);
+            places.for_each(|(u, &rank)| *u = workspace.values[rank as usize]);
+        });
+        values
     }
 
     /// Everything before the values: from charges to multipole and local terms.
@@ -92,8 +96,11 @@ impl<E: Expansion> Plan<E> {
         clock: &mut Clock,
         times: &mut ApplyTimes,
     ) {
-        let order = self.source_tree.shape.order.par_iter();
-        workspace.charges.par_iter_mut().zip(order).for_each(|(q, &i)| *q = charges[i as usize]);
+        let order = &self.source_tree.shape.order;
+        parallel::for_each_piece(&mut workspace.charges, PIECE, &|piece, qs| {
+            let places = qs.iter_mut().zip(&order[PIECE * piece..]);
+            places.for_each(|(q, &i)| *q = charges[i as usize]);
+        });
         clock.lap(&mut times.permutation);
         self.p2m(workspace);
         clock.lap(&mut times.p2m);
@@ -117,20 +124,19 @@ impl<E: Expansion> Plan<E> {
         let tree = &self.source_tree;
         for (level, multipoles) in multipoles.iter_mut().enumerate() {
             let first = tree.shape.level(level).start;
-            cells_mut(multipoles, self.expansion.multipole_len(level)).for_each(
-                |(i, multipole)| {
-                    let (cell, node) = (&tree.cells[first + i], &tree.shape.nodes[first + i]);
-                    if !self.layout.multipole[first + i]
-                        || (!node.is_leaf() && self.scheme.shifts_moments())
-                    {
-                        return;
-                    }
-                    multipole.fill(Additive::zero());
-                    let points = node.points();
-                    let (ys, qs) = (&self.sources[points.clone()], &charges[points]);
-                    self.expansion.p2m(cell, ys, qs, multipole);
-                },
-            );
+            let len = self.expansion.multipole_len(level);
+            parallel::for_each_piece(multipoles, len, &|i, multipole| {
+                let (cell, node) = (&tree.cells[first + i], &tree.shape.nodes[first + i]);
+                if !self.layout.multipole[first + i]
+                    || (!node.is_leaf() && self.scheme.shifts_moments())
+                {
+                    return;
+                }
+                multipole.fill(Additive::zero());
+                let points = node.points();
+                let (ys, qs) = (&self.sources[points.clone()], &charges[points]);
+                self.expansion.p2m(cell, ys, qs, multipole);
+            });
         }
     }
 
@@ -141,7 +147,8 @@ impl<E: Expansion> Plan<E> {
             let (above, below) = workspace.multipoles.split_at_mut(level);
             let families = tree.families(level - 1, &self.layout.multipole);
             let to = &mut above[level - 1];
-            cells_mut(to, self.expansion.multipole_len(level - 1)).for_each(|(p, multipole)| {
+            let len = self.expansion.multipole_len(level - 1);
+            parallel::for_each_piece(to, len, &|p, multipole| {
                 if !families.children_of(p).is_empty() {
                     multipole.fill(Additive::zero());
                 }
@@ -158,7 +165,7 @@ impl<E: Expansion> Plan<E> {
         if locals.is_empty() {
             return;
         }
-        locals.par_iter_mut().for_each(|term| *term = Additive::zero());
+        parallel::for_each_piece(locals, PIECE, &|_, terms| terms.fill(Additive::zero()));
         let cells = targets.shape.level(level);
         for (weight, list) in self.lists.weighed_m2l() {
             let starts = &list.starts[cells.start..=cells.end];
@@ -189,7 +196,8 @@ impl<E: Expansion> Plan<E> {
         }
         let p2l = &self.lists.p2l;
         let first = targets.shape.level(level).start;
-        cells_mut(&mut tail[0], self.expansion.local_len(level)).for_each(|(i, local)| {
+        let len = self.expansion.local_len(level);
+        parallel::for_each_piece(&mut tail[0], len, &|i, local| {
             let t = first + i;
             for (k, &s) in p2l.of(t).iter().enumerate() {
                 let points = sources.shape.nodes[s as usize].points();
@@ -244,7 +252,7 @@ impl<E: Expansion> Plan<E> {
         &self,
         tasks: &[Range<usize>],
         mut values: &mut [ValueOf<E>],
-        visit: &(impl Fn(usize, &mut [ValueOf<E>]) + Sync),
+        visit: &(dyn Fn(usize, &mut [ValueOf<E>]) + Sync),
     ) {
         let tree = &self.target_tree;
         let points = |leaf: usize| tree.shape.nodes[tree.shape.leaves[leaf] as usize].points();
@@ -328,10 +336,5 @@ fn terms<V>(level: &[V], index: usize, len: usize) -> &[V] {
     &level[index * len..][..len]
 }
 
-/// The terms of every cell of a level, with the cells' indices.
-fn cells_mut<V: Send>(
-    level: &mut [V],
-    len: usize,
-) -> impl IndexedParallelIterator<Item = (usize, &mut [V])> {
-    level.par_chunks_mut(len.max(1)).enumerate()
-}
+/// Items per task where each takes no time.
+const PIECE: usize = 4096;

@@ -32,6 +32,20 @@ impl<'a, S: Scalar> Formula<'a, S> {
         Self { fields, densities, entries: self.entries, transposed: !self.transposed }
     }
 
+    /// The kernel over `unit`, a power of two.
+    pub(crate) fn in_units_of<V>(
+        &self,
+        unit: S::Real,
+        work: impl FnOnce(&Formula<'_, S>) -> V,
+    ) -> V {
+        let shrink = S::from_real(unit.recip());
+        let entries = |x: PointOf<S>, y: PointOf<S>, g: &mut [S]| {
+            self.write(x, y, g);
+            g.iter_mut().for_each(|entry| *entry *= shrink);
+        };
+        work(&Formula::new(self.fields, self.densities, &entries))
+    }
+
     /// Writes the matrix at (x, y), row after row.
     pub(crate) fn write(&self, x: PointOf<S>, y: PointOf<S>, g: &mut [S]) {
         if !self.transposed {
@@ -210,6 +224,27 @@ fn split_signs(
         *parity |= u8::from(sign == Some(true)) << axis;
     }
     Some(())
+}
+
+/// A power of two of about the size of the kernel between well-separated cells of the given half-widths,
+/// so that squares of the kernel over it stay in the range of numbers.
+pub(crate) fn unit<S: Scalar>(
+    kernel: &Formula<'_, S>,
+    half_widths: impl IntoIterator<Item = S::Real>,
+) -> S::Real {
+    let of_size =
+        |half_width| differences::<S>(half_width).map(|d| kernel.at(d, PointOf::<S>::default()));
+    let entries = half_widths.into_iter().flat_map(of_size).flatten();
+    let parts = entries.flat_map(|entry| entry.parts()).map(|part| part.abs());
+    power_of_two(parts.fold(S::Real::from_f64(0.0), Float::max))
+}
+
+/// A power of two of about this size, whose inverse is finite; 1 for zero and what is not finite.
+pub(crate) fn power_of_two<T: Real>(size: T) -> T {
+    if !(size > T::from_f64(0.0) && size < T::infinity()) {
+        return T::from_f64(1.0);
+    }
+    size.log2().floor().exp2().max(T::min_positive_value() * T::from_f64(4.0))
 }
 
 /// Differences between points of well-separated cells.

@@ -1,10 +1,9 @@
 //! What the lists of a plan would hold, from a sample of its target cells.
 
-use rayon::prelude::*;
-
 use crate::kernel::Kernel;
 use crate::lists::ALL;
 use crate::mask::Mask;
+use crate::parallel;
 use crate::traversal::{Candidate, Found, Traversal};
 
 /// What the target cells of a level would find, extrapolated from some of them.
@@ -41,8 +40,7 @@ impl<K: Kernel, M: Mask<K>> Traversal<'_, K, M> {
             // From the middle of as many stretches of the level.
             let sampled = |k: usize| cells.start + (2 * k + 1) * cells.len() / (2 * count);
             let share = cells.len() as f64 / count as f64;
-            let found = (0..count).into_par_iter().map(|k| self.look(sampled(k), m2p_pairs));
-            let found: Vec<Survey> = found.collect();
+            let found: Vec<Survey> = parallel::map(count, &|k| self.look(sampled(k), m2p_pairs));
             found.iter().fold(Survey::default(), |sum, cell| sum.with(share, cell))
         };
         // A cell is visited after all above it.

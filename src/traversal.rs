@@ -16,6 +16,7 @@ use crate::kernel::Kernel;
 use crate::lists::{ALL, Lists, NONE, Run, append, for_each_set_bit, rebuilt};
 use crate::mask::{CellView, Coverage, Mask};
 use crate::offsets::OffsetSet;
+use crate::parallel;
 use crate::real::Located;
 use crate::shape::Node;
 use crate::tree::Tree;
@@ -134,20 +135,16 @@ impl<K: Kernel, M: Mask<K>> Traversal<'_, K, M> {
             // The root is its own parent, and takes the only group there is.
             let first_parent = shape.level(level.saturating_sub(1)).start;
             let stretch = (cells.len() / STRETCHES).clamp(1, STRETCH);
-            let mut parts: Vec<Found> = cells
-                .clone()
-                .into_par_iter()
-                .step_by(stretch)
-                .map(|first| {
-                    let (mut found, mut near) = (Found::default(), Vec::new());
-                    for t in first..(first + stretch).min(cells.end) {
-                        let parent = shape.nodes[t].parent as usize;
-                        let candidates = open.of(parent - first_parent);
-                        self.visit(t as u32, candidates, &mut near, &mut found);
-                    }
-                    found
-                })
-                .collect();
+            let mut parts = parallel::map(cells.len().div_ceil(stretch), &|part| {
+                let first = cells.start + part * stretch;
+                let (mut found, mut near) = (Found::default(), Vec::new());
+                for t in first..(first + stretch).min(cells.end) {
+                    let parent = shape.nodes[t].parent as usize;
+                    let candidates = open.of(parent - first_parent);
+                    self.visit(t as u32, candidates, &mut near, &mut found);
+                }
+                found
+            });
             open = join_open(&mut parts);
             offsets.push(OffsetSet::ascending(parts.iter().map(|part| &part.offsets)));
             found.append(&mut parts);
@@ -171,7 +168,7 @@ impl<K: Kernel, M: Mask<K>> Traversal<'_, K, M> {
         for &candidate in candidates {
             self.meet(t, candidate, near, found);
         }
-        near.sort_unstable_by_key(|n| self.sources.node(n.source).points().start);
+        sort_by_place(near, &self.sources.tree.shape.nodes);
         let start = found.near.items.len();
         for Candidate { source, full } in near.drain(..) {
             if !full {
@@ -311,13 +308,7 @@ fn ask_all<K: Kernel>(
 ) -> Vec<Answer> {
     let is_mirrored = std::ptr::eq(targets.tree, sources.tree)
         && mask.is_mirrored(targets.points, sources.points);
-    // Each of these is asked for, or is the mirror image of one that is.
-    let image = |pair: &PartialPair| (pair.target.min(pair.source), pair.target.max(pair.source));
-    let mut asked: Vec<PartialPair> = partial.to_vec();
-    if is_mirrored {
-        asked.par_sort_unstable_by_key(|pair| (image(pair), pair.target));
-        asked.dedup_by_key(|pair| image(pair));
-    }
+    let asked = if is_mirrored { without_images(partial) } else { partial.to_vec() };
     let done = std::sync::atomic::AtomicUsize::new(0);
     let answer = |pair: &PartialPair| {
         let answer = ask(mask, targets.view(pair.target), sources.view(pair.source));
@@ -327,7 +318,7 @@ fn ask_all<K: Kernel>(
         }
         answer
     };
-    let answers: Vec<Answer> = asked.par_iter().map(answer).collect();
+    let answers: Vec<Answer> = parallel::map(asked.len(), &|i| answer(&asked[i]));
     if !is_mirrored {
         return answers;
     }
@@ -341,7 +332,25 @@ fn ask_all<K: Kernel>(
             }
         }
     };
-    partial.par_iter().map(find).collect()
+    parallel::map(partial.len(), &|i| find(&partial[i]))
+}
+
+/// The pairs of which each of `partial` is one, or the mirror image of one, by their [`image`]s.
+fn without_images(partial: &[PartialPair]) -> Vec<PartialPair> {
+    let mut asked = partial.to_vec();
+    asked.par_sort_unstable_by_key(|pair| (image(pair), pair.target));
+    asked.dedup_by_key(|pair| image(pair));
+    asked
+}
+
+/// What a pair has in common with its mirror image.
+fn image(pair: &PartialPair) -> (u32, u32) {
+    (pair.target.min(pair.source), pair.target.max(pair.source))
+}
+
+/// Sorts cells by where their points are.
+fn sort_by_place(cells: &mut [Candidate], nodes: &[Node]) {
+    cells.sort_unstable_by_key(|cell| nodes[cell.source as usize].points().start);
 }
 
 impl Answer {

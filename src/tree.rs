@@ -1,13 +1,12 @@
 //! The adaptive octree over points, and the box around them.
 
-use rayon::prelude::*;
-
 use crate::error::{Error, PointSet};
 use crate::expansion::LevelFamilies;
 use crate::geometry::{Cell, Cube, MAX_LEVEL};
 use crate::morton::{Keyed, coordinates, morton_key};
+use crate::parallel;
 use crate::real::{Additive, Located, Point, Real, Vector};
-use crate::shape::{Node, Shape};
+use crate::shape::Shape;
 
 /// An octree over one set of points.
 #[derive(Clone, Debug)]
@@ -25,17 +24,16 @@ impl<T: Real> Tree<T> {
         points: &[P],
         leaf_size: usize,
     ) -> Self {
-        let keyed = |(i, p): (usize, &P)| {
-            let key = morton_key(root.locate(p.position()));
+        let keyed = parallel::map(points.len(), &|i| {
+            let key = morton_key(root.locate(points[i].position()));
             Keyed { key, index: i as u32 }
-        };
-        let keyed = points.par_iter().enumerate().map(keyed).collect();
+        });
         let (shape, keys) = Shape::new(keyed, leaf_size);
-        let cell = |(node, key): (&Node, &u64)| {
-            let shift = 3 * (MAX_LEVEL - node.level()) as u32;
-            Cell::new(root, node.level(), coordinates(key >> shift))
-        };
-        let cells = shape.nodes.par_iter().zip(&keys).map(cell).collect();
+        let cells = parallel::map(keys.len(), &|c| {
+            let level = shape.nodes[c].level();
+            let shift = 3 * (MAX_LEVEL - level) as u32;
+            Cell::new(root, level, coordinates(keys[c] >> shift))
+        });
         Self { shape, cells }
     }
 
@@ -79,10 +77,14 @@ impl<T: Real> Bounds<T> {
             return Err(Error::TooManyPoints { set, limit, found: points.len() });
         }
         let finite = |p: &P| p.position().is_finite();
-        let (bounds, all_finite) = points
-            .par_chunks(CHUNK)
-            .map(|points| (Self::around(points), points.iter().all(finite)))
-            .reduce(|| (Self::around::<P>(&[]), true), |(a, x), (b, y)| (a.join(b), x && y));
+        let chunks = parallel::map(points.len().div_ceil(CHUNK), &|chunk| {
+            let points = &points[CHUNK * chunk..];
+            let points = &points[..points.len().min(CHUNK)];
+            (Self::around(points), points.iter().all(finite))
+        });
+        let nothing = (Self::around::<P>(&[]), true);
+        let both = |(a, x): (Self, bool), (b, y)| (a.join(b), x && y);
+        let (bounds, all_finite) = chunks.into_iter().fold(nothing, both);
         if all_finite {
             return Ok(bounds);
         }

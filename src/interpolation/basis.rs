@@ -7,7 +7,6 @@
 use std::ops::Range;
 
 use pulp::Simd;
-use rayon::prelude::*;
 
 use crate::chebyshev::Chebyshev;
 use crate::dense::{Dense, Matrix, Svd};
@@ -16,6 +15,7 @@ use crate::interpolation::far_field::FarField;
 use crate::interpolation::lanes::Padded;
 use crate::interpolation::means::INTERACTION_OFFSETS;
 use crate::interpolation::points::row;
+use crate::parallel;
 use crate::probe::{Formula, zero};
 use crate::real::{Point, Real, Scalar};
 
@@ -99,7 +99,8 @@ impl<S: Scalar> Spectrum<S> {
             parities[component] ^ (odd[0] | odd[1] << 1 | odd[2] << 2)
         };
         let per_sample = 1.0 / (INTERACTION_OFFSETS as f64).sqrt();
-        let parts = (0..8).into_par_iter().filter_map(|parity| {
+        let part = |parity: usize| {
+            let parity = parity as u8;
             let coefficients: Vec<u32> =
                 (0..columns.rows as u32).filter(|&k| parity_of(k as usize) == parity).collect();
             if coefficients.is_empty() {
@@ -113,8 +114,8 @@ impl<S: Scalar> Spectrum<S> {
             };
             let sigma = sigma.into_iter().map(|s| s * per_sample).collect();
             Some(Ok(Part { parity, coefficients, u, sigma }))
-        });
-        let parts = parts.collect::<Result<_, _>>()?;
+        };
+        let parts = parallel::map(8, &part).into_iter().flatten().collect::<Result<_, _>>()?;
         Ok(Self { parts, coefficients: columns.rows, components: kernel.fields })
     }
 

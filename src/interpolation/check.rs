@@ -1,12 +1,11 @@
 //! The error of a level's operators, measured between points of its cells.
 
-use rayon::prelude::*;
-
 use crate::dense::Matrix;
 use crate::interpolation::basis::{Basis, product};
 use crate::interpolation::far_field::products;
 use crate::interpolation::level::{LevelOperators, Request};
 use crate::interpolation::means::{Means, corner, facing, interaction_offsets, is_nearest};
+use crate::parallel;
 use crate::probe::{sample, zero};
 use crate::real::{Additive, Point, Real, Scalar, Vector};
 
@@ -36,19 +35,15 @@ impl<S: Scalar> Request<'_, S> {
             ]
         });
         let offsets: Vec<[i32; 3]> = interaction_offsets().collect();
-        let errors: Vec<[f64; 2]> = offsets
-            .par_iter()
-            .enumerate()
-            .map(|(i, &offset)| {
-                let error = self.squared_error(level, offset, &anywhere, 0..POINTS);
-                let corner = facing(offset, i);
-                let corners = corners
-                    .as_ref()
-                    .filter(|_| is_nearest(offset))
-                    .map(|corners| self.squared_error(level, offset, corners, corner..corner + 1));
-                [error, corners.unwrap_or(0.0)]
-            })
-            .collect();
+        let errors: Vec<[f64; 2]> = parallel::map(offsets.len(), &|i| {
+            let error = self.squared_error(level, offsets[i], &anywhere, 0..POINTS);
+            let corner = facing(offsets[i], i);
+            let corners = corners
+                .as_ref()
+                .filter(|_| is_nearest(offsets[i]))
+                .map(|corners| self.squared_error(level, offsets[i], corners, corner..corner + 1));
+            [error, corners.unwrap_or(0.0)]
+        });
         Means::of(errors).relative_to(self.scale)
     }
 

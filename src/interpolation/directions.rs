@@ -14,13 +14,13 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use num_traits::Float;
-use rayon::prelude::*;
 
 use crate::dense::Matrix;
 use crate::expansion::OffsetMap;
 use crate::interpolation::basis::{Basis, adjoint};
 use crate::interpolation::ranges::{Factors, Side};
-use crate::probe::{Formula, norm_squared, zero};
+use crate::parallel;
+use crate::probe::{Formula, norm_squared, power_of_two, zero};
 use crate::products::Batched;
 use crate::real::{Real, Scalar};
 
@@ -169,7 +169,7 @@ pub(crate) fn directions<S: Scalar>(
         let member = compressed(reflection as u8, bases.axes(canonical)) as u8;
         Place { group: group as u8, member, core }
     });
-    (members.par_iter().map(|members| bases.group(kernel, members)).collect(), places)
+    (parallel::map(members.len(), &|g| bases.group(kernel, &members[g])), places)
 }
 
 /// The bits of `set` at the places of `axes`, next to each other.
@@ -295,14 +295,6 @@ fn reflect<R: Scalar>(
             }
         }
     }
-}
-
-/// A power of two of about this size, whose inverse is finite; 1 for zero and what is not finite.
-pub(crate) fn power_of_two<T: Real>(size: T) -> T {
-    if !(size > T::from_f64(0.0) && size < T::infinity()) {
-        return T::from_f64(1.0);
-    }
-    size.log2().floor().exp2().max(T::min_positive_value() * T::from_f64(4.0))
 }
 
 /// The relative error of products in single precision, root mean square.

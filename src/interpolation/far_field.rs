@@ -2,13 +2,12 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-use rayon::prelude::*;
-
 use crate::chebyshev::{Chebyshev, polynomials};
 use crate::dense::Matrix;
 use crate::interpolation::means::{
     INTERACTION_OFFSETS, Means, corner, facing, interaction_offsets, is_nearest, weight,
 };
+use crate::parallel;
 use crate::probe::{Formula, PointOf, norm_squared, sample, zero};
 use crate::real::{Point, Real, Scalar, Vector};
 
@@ -110,16 +109,15 @@ impl<T: Real> FarField<T> {
         let shells = self.starts[INTERACTION_OFFSETS];
         let grid = self.scaled(rule.grid().collect());
         let mut data = vec![zero::<S>(); rows * kernel.densities * self.sources.len()];
-        data.par_chunks_mut(rows * kernel.densities).zip(&self.sources).enumerate().for_each(
-            |(i, (columns, &(y, weight)))| {
-                kernel.write_field(&grid, y * self.half_width, columns);
-                rule.coefficients(columns);
-                let norm = (norm_squared(columns) / kernel.densities as f64).sqrt();
-                let shrink = if i >= shells && norm > size { size / norm } else { 1.0 };
-                let factor = S::from_real(T::from_f64(weight.sqrt() * shrink));
-                columns.iter_mut().for_each(|entry| *entry *= factor);
-            },
-        );
+        parallel::for_each_piece(&mut data, rows * kernel.densities, &|i, columns| {
+            let (y, weight) = self.sources[i];
+            kernel.write_field(&grid, y * self.half_width, columns);
+            rule.coefficients(columns);
+            let norm = (norm_squared(columns) / kernel.densities as f64).sqrt();
+            let shrink = if i >= shells && norm > size { size / norm } else { 1.0 };
+            let factor = S::from_real(T::from_f64(weight.sqrt() * shrink));
+            columns.iter_mut().for_each(|entry| *entry *= factor);
+        });
         Matrix { rows, columns: kernel.densities * self.sources.len(), data }
     }
 
@@ -187,7 +185,9 @@ impl<T: Real> FarField<T> {
         let weights = weights.transpose().map(S::from_real);
         let [grid, targets] = [rule.grid().collect(), targets.to_vec()]
             .map(|points: Vec<Point<T>>| self.scaled(points));
-        let errors = sources.par_chunks(TEST_SOURCES).flat_map_iter(|sources| {
+        let parts: Vec<_> = sources.chunks(TEST_SOURCES).collect();
+        let errors = parallel::map(parts.len(), &|part| {
+            let sources = parts[part];
             let field = |points: &[Point<T>]| {
                 let mut values = vec![zero::<S>(); points.len() * entries * sources.len()];
                 let each = values.chunks_exact_mut(points.len() * entries).zip(sources);
@@ -206,7 +206,7 @@ impl<T: Real> FarField<T> {
             };
             errors.zip(sources).map(mean).collect::<Vec<_>>()
         });
-        errors.collect()
+        errors.into_iter().flatten().collect()
     }
 
     fn scaled(&self, mut points: Vec<Point<T>>) -> Vec<Point<T>> {

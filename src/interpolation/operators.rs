@@ -1,7 +1,6 @@
 //! From a tolerance to operators: order, bases, M2L matrices and shifts, for the levels that occur.
 
 use num_traits::Float;
-use rayon::prelude::*;
 
 use crate::chebyshev::Chebyshev;
 use crate::dense::Matrix;
@@ -11,6 +10,7 @@ use crate::interpolation::basis::{adjoint, product};
 use crate::interpolation::far_field::FarField;
 use crate::interpolation::level::{LevelOperators, Request};
 use crate::interpolation::means::Means;
+use crate::parallel;
 use crate::probe::{self, Formula};
 use crate::real::{Real, Scalar};
 
@@ -130,21 +130,21 @@ impl<S: Scalar> Operators<S> {
         let last = *orders.end();
         for order in orders {
             let rule = Chebyshev::new(order);
-            let build = |(far, &scale): (&FarField<S::Real>, &Means)| {
+            let build = |level: usize| {
                 let tolerance = tolerance / levels;
                 Request {
                     kernel,
                     rule: &rule,
                     symmetric,
                     homogeneous: sizes.homogeneous,
-                    far,
-                    scale,
+                    far: &fields[level],
+                    scale: scales[level],
                     tolerance,
                     accepted,
                 }
                 .build()
             };
-            let built = fields.par_iter().zip(&scales).map(build);
+            let built = parallel::map(fields.len(), &build).into_iter();
             let levels = built.collect::<Result<Vec<LevelOperators<S>>, _>>()?;
             let squares = levels.iter().map(|level| level.error * level.error);
             let error = squares.sum::<f64>().sqrt();

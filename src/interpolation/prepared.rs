@@ -38,6 +38,8 @@ pub(crate) struct Invariant<S: Scalar> {
     first_level: usize,
     /// K(s x, s y) = s^degree K(x, y)
     degree: Option<f64>,
+    /// What the operators' kernel is to be multiplied by.
+    unit: S::Real,
     /// Where masks ask for more offsets than an unmasked tree: the transfers of that entry of
     /// `operators.levels`.
     extended: Vec<Option<Transfers<S>>>,
@@ -90,22 +92,34 @@ impl<S: Scalar> Everywhere<S> {
         let centre = geometry.root.centre();
         let at_centre = |x, y, g: &mut [S]| kernel.write(centre + x, centre + y, g);
         let kernel = Formula::new(kernel.fields, kernel.densities, &at_centre);
+        let half_widths = geometry.levels.iter().map(|level| level.half_width);
+        let rule = kernel.in_units_of(probe::unit(&kernel, half_widths), |kernel| {
+            Self::rule(kernel, requested, geometry)
+        })?;
+        Ok(Self::with_order(rule.len(), kernel.fields, kernel.densities))
+    }
+
+    /// The smallest that serves a kernel between cells about the origin.
+    fn rule(
+        kernel: &Formula<'_, S>,
+        requested: f64,
+        geometry: &Geometry<S::Real>,
+    ) -> Result<Chebyshev<S::Real>, Error> {
         let fields: Vec<FarField<S::Real>> =
             geometry.levels.iter().map(|level| FarField::new(level.half_width, 0.0, 1)).collect();
-        let sides = [&kernel, &kernel.transpose()];
+        let sides = [kernel, &kernel.transpose()];
         let sizes = |far: &FarField<S::Real>| sides.map(|side| far.size(side));
         let sizes: Vec<[Means; 2]> = fields.iter().map(sizes).collect();
         if !sizes.as_flattened().iter().all(|size| size.least().is_finite()) {
             return Err(Error::NonFiniteKernel);
         }
-        let rule = fewest_nodes(requested, |rule| {
+        fewest_nodes(requested, |rule| {
             let errors = fields.iter().zip(&sizes).flat_map(|(far, sizes)| {
                 let error = |(&side, &size)| far.interpolation_error(side, rule, size);
                 sides.iter().zip(sizes).map(error)
             });
             errors.fold(0.0, f64::max)
-        })?;
-        Ok(Self::with_order(rule.len(), kernel.fields, kernel.densities))
+        })
     }
 }
 
@@ -122,21 +136,16 @@ impl<S: Scalar> Invariant<S> {
             Some(_) => vec![S::Real::from_f64(1.0)],
             None => levels().collect(),
         };
+        let unit = probe::unit(kernel, half_widths.iter().copied());
         let sizes = Sizes { half_widths, homogeneous: degree.is_some(), extent: EXTENT };
-        let key = Key::new(kernel_type, kernel, accuracy, &sizes);
-        let operators = match cache::find(&key) {
-            Some(operators) => operators,
-            None => {
-                let operators = Arc::new(Operators::new(kernel, accuracy, &sizes)?);
-                cache::remember(key, Arc::clone(&operators));
-                operators
-            }
-        };
-        let first_level = geometry.levels.first().map_or(0, |level| level.level);
-        let extended = operators.levels.iter().map(|_| None).collect();
-        let mut prepared = Self { operators, first_level, degree, extended };
-        prepared.extend(kernel, geometry);
-        Ok(prepared)
+        kernel.in_units_of(unit, |kernel| {
+            let operators = operators(kernel_type, kernel, accuracy, &sizes)?;
+            let first_level = geometry.levels.first().map_or(0, |level| level.level);
+            let extended = operators.levels.iter().map(|_| None).collect();
+            let mut prepared = Self { operators, first_level, degree, unit, extended };
+            prepared.extend(kernel, geometry);
+            Ok(prepared)
+        })
     }
 
     /// Builds M2L operators for the offsets that only masks ask for.
@@ -179,7 +188,8 @@ impl<S: Scalar> Invariant<S> {
             Some(degree) => half_width.as_f64().powf(degree),
             None => 1.0,
         };
-        (transfers.unwrap_or(&operators.transfers), S::Real::from_f64(scale))
+        let scale = S::Real::from_f64(scale * self.unit.as_f64());
+        (transfers.unwrap_or(&operators.transfers), scale)
     }
 
     /// M2M, or L2L if `down`, between a cell of `level` and its child in an octant.
@@ -201,6 +211,22 @@ impl<S: Scalar> Invariant<S> {
     fn index(&self, level: usize) -> usize {
         level.saturating_sub(self.first_level).min(self.operators.levels.len() - 1)
     }
+}
+
+/// Remembered operators, or new ones.
+fn operators<S: Scalar>(
+    kernel_type: &'static str,
+    kernel: &Formula<'_, S>,
+    accuracy: Accuracy,
+    sizes: &Sizes<S::Real>,
+) -> Result<Arc<Operators<S>>, Error> {
+    let key = Key::new(kernel_type, kernel, accuracy, sizes);
+    if let Some(operators) = cache::find(&key) {
+        return Ok(operators);
+    }
+    let operators = Arc::new(Operators::new(kernel, accuracy, sizes)?);
+    cache::remember(key, Arc::clone(&operators));
+    Ok(operators)
 }
 
 /// |o|²

@@ -5,12 +5,11 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
 
-use rayon::prelude::*;
-
 use crate::dense::{Matrix, Svd};
 use crate::interpolation::basis::{adjoint, product, smallest_kept};
 use crate::interpolation::directions::Bases;
 use crate::interpolation::means::weight;
+use crate::parallel;
 use crate::probe::{Formula, zero};
 use crate::random::Random;
 use crate::real::{Point, Real, Scalar, Vector};
@@ -72,9 +71,8 @@ impl<'a, S: Scalar> Factors<'a, S> {
         let offsets = offsets.iter().map(place).collect();
         let near = known.partition_point(|image| !key(image).0);
         let near = if near > 0 { near } else { known.len().min(1) };
-        let images = known[..near].par_iter().zip(weights);
-        let images = images.map(|(&image, weight)| (between(kernel, bases, image), weight));
-        Self { bases, axes, kernel, images: images.collect(), known, offsets }
+        let images = parallel::map(near, &|i| (between(kernel, bases, known[i]), weights[i]));
+        Self { bases, axes, kernel, images, known, offsets }
     }
 
     /// P and Q with C_o = P W_o Qᴴ but for a share of the cut-off, and the W_o.
@@ -98,7 +96,8 @@ impl<'a, S: Scalar> Factors<'a, S> {
         };
         let used = |reflection| self.offsets.iter().any(|&(own, _)| own == reflection);
         let sides: Vec<_> = (0..8).map(|r| used(r).then(|| sides(r))).collect();
-        let core = |&(reflection, image): &(usize, usize)| {
+        let core = |o: usize| {
+            let (reflection, image) = self.offsets[o];
             let [left, right] = sides[reflection].as_ref()?;
             Some(match self.images.get(image) {
                 Some((near, _)) => product(&product(left, near), right),
@@ -108,7 +107,7 @@ impl<'a, S: Scalar> Factors<'a, S> {
                 }
             })
         };
-        let cores = self.offsets.par_iter().filter_map(core).collect();
+        let cores = parallel::map(self.offsets.len(), &core).into_iter().flatten().collect();
         (p, q, cores)
     }
 

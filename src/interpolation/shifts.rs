@@ -1,13 +1,12 @@
 //! M2M and L2L of many cells at once: one matrix product per matrix, whatever the number of cells.
 
-use rayon::prelude::*;
-
 use crate::dense::Matrix;
 use crate::expansion::{Expansion, LevelFamilies};
 use crate::geometry::Cell;
 use crate::interpolation::Interpolation;
 use crate::interpolation::prepared::{Invariant, Prepared};
 use crate::kernel::PointKernel;
+use crate::parallel;
 use crate::probe::zero;
 use crate::real::Scalar;
 
@@ -82,7 +81,7 @@ impl<K: PointKernel> Interpolation<K> {
         let level = families.level;
         let lens = [self.multipole_len(level + 1), self.multipole_len(level)];
         let parents = TOGETHER / 8;
-        to.par_chunks_mut((parents * lens[1]).max(1)).enumerate().for_each(|(task, to)| {
+        parallel::for_each_piece(to, parents * lens[1], &|task, to| {
             self.shifted.with(Shifted::default, |shifted| {
                 shifted.moves.clear();
                 for to in 0..to.len() / lens[1] {
@@ -112,7 +111,7 @@ impl<K: PointKernel> Interpolation<K> {
                 self.shift(&families.children[c], true, from, to);
             });
         };
-        to.par_chunks_mut((TOGETHER * lens[1]).max(1)).enumerate().for_each(|(task, to)| {
+        parallel::for_each_piece(to, TOGETHER * lens[1], &|task, to| {
             self.shifted.with(Shifted::default, |shifted| {
                 shifted.moves.clear();
                 shifted.moves.extend((0..to.len() / lens[1]).filter_map(|to| {

@@ -6,11 +6,12 @@ use num_traits::Float;
 use rayon::prelude::*;
 
 use crate::expansion::{LevelPairs, OffsetMap};
-use crate::interpolation::directions::{Bases, Digits, Place, directions, power_of_two};
+use crate::interpolation::directions::{Bases, Digits, Place, directions};
 use crate::interpolation::exchange::{BLOCK, Coordinates, Exchange, Pair};
 use crate::interpolation::means::{INTERACTION_OFFSETS, interaction_offsets, weight};
+use crate::parallel;
 use crate::pool::Pool;
-use crate::probe::{Formula, zero};
+use crate::probe::{Formula, power_of_two, zero};
 use crate::real::{Real, Scalar};
 
 /// The M2L operators of cells of one size.
@@ -133,7 +134,7 @@ impl<S: Scalar> Transfers<S> {
         let task_cells = (TASK_BYTES / (to_len * size_of::<S>())).clamp(16, 512);
         self.sent.with(Sent::default, |sent| {
             self.send(pairs, columns, from_len, multipoles, sent);
-            locals.par_chunks_mut(task_cells * to_len).enumerate().for_each(|(task, to)| {
+            parallel::for_each_piece(locals, task_cells * to_len, &|task, to| {
                 let first = task * task_cells;
                 self.buffers.with(Buffers::default, |buffers| {
                     self.sort(pairs, first, to.len() / to_len, buffers, |s, t| {
@@ -159,7 +160,7 @@ impl<S: Scalar> Transfers<S> {
         let shrink = S::from_real(unit.recip());
         wanted.clear();
         wanted.resize_with(pairs.sources.len(), AtomicU32::default);
-        (0..pairs.targets.len()).into_par_iter().for_each(|t| {
+        parallel::for_each(pairs.targets.len(), &|t| {
             let target = &pairs.targets[t];
             for s in pairs.sources_of(t) {
                 let Some(place) = self.find(pairs.sources[s].offset_to(target)) else { continue };
@@ -322,12 +323,12 @@ impl<S: Scalar> Transfers<S> {
 
 /// A power of two of about the size of the largest of these numbers.
 fn unit_of<S: Scalar>(numbers: &[S]) -> S::Real {
-    let largest = |numbers: &[S]| {
-        let parts = numbers.iter().flat_map(|number| number.parts());
-        parts.fold(S::Real::from_f64(0.0), |largest, part| Float::max(largest, part.abs()))
-    };
-    let zero = || S::Real::from_f64(0.0);
-    power_of_two(numbers.par_chunks(CHUNK).map(largest).reduce(zero, Float::max))
+    let zero = S::Real::from_f64(0.0);
+    let chunks = parallel::map(numbers.len().div_ceil(CHUNK), &|chunk| {
+        let parts = numbers[CHUNK * chunk..].iter().take(CHUNK).flat_map(|number| number.parts());
+        parts.fold(zero, |largest, part| Float::max(largest, part.abs()))
+    });
+    power_of_two(chunks.into_iter().fold(zero, Float::max))
 }
 
 /// Numbers per task of a sweep over all of them.

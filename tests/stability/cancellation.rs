@@ -306,8 +306,14 @@ fn charges_of_any_size_are_carried() {
 
 #[test]
 fn kernels_of_any_size_are_carried() {
-    let formulas: [(f64, Formula); 2] =
-        [(1e-50, |x, y| 1e-50 / x.distance(y)), (1e50, |x, y| 1e50 / x.distance(y))];
+    let formulas: [(f64, Formula); 6] = [
+        (1e-50, |x, y| 1e-50 / x.distance(y)),
+        (1e50, |x, y| 1e50 / x.distance(y)),
+        (1e-170, |x, y| 1e-170 / x.distance(y)),
+        (1e170, |x, y| 1e170 / x.distance(y)),
+        (1e-200, |x, y| 1e-200 * (-x.distance(y)).exp()),
+        (1e200, |x, y| 1e200 * (-x.distance(y)).exp()),
+    ];
     let points = clouds::cube(1500, 12);
     let unit = charges(1500, 13);
     let mut worst = 0.0f64;
@@ -320,10 +326,12 @@ fn kernels_of_any_size_are_carried() {
     }
     let naive = [1e-50f64, 1e50].map(|k| k as f32);
     assert_eq!(naive, [0.0, f32::INFINITY]);
+    let squares = [1e-170f64, 1e170].map(|k| k * k);
+    assert_eq!(squares, [0.0, f64::INFINITY]);
     row(
-        "Kernels of size 1e±50",
-        "operators in single precision end at 1e±38",
-        format!("operators {naive:?}"),
+        "Kernels of size 1e±50, 1e±200",
+        "operators in single precision end at 1e±38, squares by which they are cut at 1e±154",
+        format!("operators {naive:?}, squares {squares:?}"),
         format!("error {worst:.0e} at tolerance 1e-3"),
     );
 }
