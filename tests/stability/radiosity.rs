@@ -6,7 +6,7 @@ use farfield_radiosity::{
     Error, Irradiance, Occluders, Patch, Scene, Stop, Surfel, Triangle, conjugate_gradients,
     furnace, jacobi, quad_triangles,
 };
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 
 use crate::clouds::Random;
 use crate::table::row;
@@ -72,6 +72,34 @@ fn slivers_add_up() {
         "their centroid says nothing of their ends; areas of 1e-6 are differences",
         format!("sum of strips off by {:.0} % by centroids", 100.0 * naive),
         format!("off by {error:.0e}; the sliver alone sees {sliver:.3} of the floor"),
+    );
+}
+
+#[test]
+fn light_in_a_corner_reaches_all_walls() {
+    // The faces of the unit cube that a lamp on its floor sees.
+    let faces = [
+        wall(0.0, 1.0),
+        patch([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [1.0, 0.0, 0.0]]),
+        patch([[1.0, 0.0, 0.0], [1.0, 0.0, 1.0], [1.0, 1.0, 1.0], [1.0, 1.0, 0.0]]),
+        patch([[0.0, 1.0, 0.0], [1.0, 1.0, 0.0], [1.0, 1.0, 1.0], [0.0, 1.0, 1.0]]),
+        patch([[0.0, 0.0, 1.0], [0.0, 1.0, 1.0], [1.0, 1.0, 1.0], [1.0, 0.0, 1.0]]),
+    ];
+    let (mut naive, mut ours) = (f64::INFINITY, 0.0f64);
+    for a in [1e-2, 1e-4, 1e-6] {
+        let lamp = patch([[0.0; 3], [a, 0.0, 0.0], [a, a, 0.0], [0.0, a, 0.0]]);
+        let off = |sum: f64| (sum / lamp.area() - 1.0).abs();
+        naive = naive.min(off(faces.iter().map(|face| by_centroids(&lamp, face)).sum()));
+        ours = ours.max(off(faces.iter().map(|face| lamp.exchange(face)).sum()));
+        let beside = [0, 1].map(|k| lamp.exchange(&faces[k]) / lamp.area());
+        assert!((beside[0] - beside[1]).abs() < 1e-9 && beside[0] > 0.25, "{a}: {beside:?}");
+    }
+    assert!(naive > 0.1 && ours < 1e-9, "{naive} {ours:e}");
+    row(
+        "A lamp of 1e-6 in a corner",
+        "two walls touch it: they get half of its light, from next to nowhere",
+        format!("light lost or made: {:.0} % by centroids", 100.0 * naive),
+        format!("{ours:.0e}"),
     );
 }
 
@@ -152,7 +180,6 @@ fn walls_do_not_leak() {
     for y in thirds.windows(2) {
         seams.extend(quad([0.0, y[0]], [1.0, y[1]], 0.0, none));
     }
-    let seams = Occluders::new(&seams).unwrap();
     let mut joined: Vec<Triangle> = quad([-1.0, -1.0], [0.0, 1.0], 0.0, none).to_vec();
     joined.extend(quad([0.0, -1.0], [1.0, 1.0], 0.0, none));
 
@@ -161,8 +188,20 @@ fn walls_do_not_leak() {
     let missed = |ray: &&[DVec3; 2]| !joined.iter().any(|triangle| meets_inside(triangle, ray));
     let naive = rays.iter().filter(missed).count();
     let shared = leaks(&Occluders::new(&joined).unwrap(), &rays);
-    let junction = leaks(&seams, &rays);
-    let beside = [-1e-12, 1e-12].map(|x| leaks(&seams, &at(x)));
+    let missed = |ray: &&[DVec3; 2]| !seams.iter().any(|triangle| meets_inside(triangle, ray));
+    let naive_junction = rays.iter().filter(missed).count();
+    let panes = Occluders::new(&seams).unwrap();
+    let junction = leaks(&panes, &rays);
+    let beside = [-1e-12, 1e-12].map(|x| leaks(&panes, &at(x)));
+    // Turned, the corners in the seam don't lie on its line any more.
+    let turn = DQuat::from_axis_angle(DVec3::new(2.0, 1.0, -3.0).normalize(), 0.7);
+    let turned = |triangle: &Triangle| Triangle {
+        vertices: triangle.vertices.map(|v| turn * v),
+        ..*triangle
+    };
+    let panes = Occluders::new(&seams.iter().map(turned).collect::<Vec<_>>()).unwrap();
+    let rays: Vec<_> = rays.iter().map(|ray| ray.map(|end| turn * end)).collect();
+    let turned = leaks(&panes, &rays);
 
     let mut double = Vec::new();
     double.extend(quad([-1.0, -1.0], [1.0, 1.0], 0.0, 0));
@@ -176,16 +215,15 @@ fn walls_do_not_leak() {
     let skip = [0, none];
     assert!(!double.blocked(on_wall, DVec3::new(0.1, 0.1, 1.0), skip), "acne");
     assert!(double.blocked(DVec3::new(0.3, -0.2, -1e-3), DVec3::Z, skip), "a leak");
-    assert_eq!((shared, beside, through), (0, [0, 0], 0));
-    assert!(naive > RAYS / 2 && junction < RAYS / 10, "{naive} {junction}");
+    assert_eq!((shared, junction, turned, beside, through), (0, 0, 0, [0, 0], 0));
+    assert!(naive > RAYS / 2 && naive_junction > RAYS / 2, "{naive} {naive_junction}");
     row(
         "T-junctions, coincident and 1e-13 thick walls",
         "rays slip between edges that are not shared, or start beyond a wall that is too thin",
         format!("{naive} of {RAYS} rays through a seam meet no inside"),
         format!(
-            "{shared} pass a common edge, {through} a double wall; {junction} pass exactly through a \
-             T-junction, {} at 1e-12 beside it",
-            beside[0] + beside[1]
+            "{shared} pass a common edge, {through} a double wall, {junction} a T-junction, {turned} one \
+             that is turned"
         ),
     );
 }

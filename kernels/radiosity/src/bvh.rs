@@ -27,7 +27,8 @@ pub struct Hit {
 /// A triangle hides the two ends of a segment from each other if they lie on opposite sides of its
 /// plane, both further from it than [`margin`](Self::margin), and the segment meets the closed
 /// triangle. Touching an end, grazing along the plane or passing a degenerate triangle therefore
-/// never counts, and a segment through the common edge of two triangles doesn't slip between them.
+/// never counts, and a segment through the common edge of two triangles doesn't slip between them, nor
+/// where an edge ends within another.
 #[derive(Clone, Debug)]
 pub struct Occluders {
     margin: f64,

@@ -62,7 +62,17 @@ impl Facet {
     pub(crate) fn blocks(&self, from: DVec3, to: DVec3, skip: [u32; 2], margin: f64) -> bool {
         let (start, end) = (self.height(from), self.height(to));
         let opposite = (start > margin && end < -margin) || (start < -margin && end > margin);
-        opposite && !self.is_one_of(skip) && same_sign(self.volumes(from, to - from))
+        opposite && !self.is_one_of(skip) && self.is_met(from, to - from)
+    }
+
+    /// Whether a line meets the triangle or passes so close to its border that rounding can't tell: where
+    /// the edge of one wall ends within that of another, neither may leave the other's lines to it.
+    #[inline(always)]
+    fn is_met(&self, origin: DVec3, direction: DVec3) -> bool {
+        let squares = self.vertices.map(|vertex| vertex.distance_squared(origin));
+        let farthest_squared = squares[0].max(squares[1]).max(squares[2]);
+        let slack = ROUNDING * direction.length() * farthest_squared;
+        same_sign(self.volumes(origin, direction), slack)
     }
 
     /// direction·(edge start × edge end), six times the signed volume of each edge with the line;
@@ -79,15 +89,19 @@ impl Facet {
         let slope = self.normal.dot(direction);
         let volumes = self.volumes(origin, direction);
         let total: f64 = volumes.iter().sum();
-        (slope != 0.0 && total != 0.0 && same_sign(volumes))
+        (slope != 0.0 && total != 0.0 && same_sign(volumes, 0.0))
             .then(|| (-self.height(origin) / slope, volumes.map(|v| v / total)))
     }
 }
 
-/// Whether a line of these [`volumes`](Facet::volumes) passes the triangle, borders included.
+/// By how much [`volumes`](Facet::volumes) may be rounded, relative to the lengths that enter them.
+const ROUNDING: f64 = 8.0 * f64::EPSILON;
+
+/// Whether a line of these [`volumes`](Facet::volumes) passes the triangle, borders included; none counts
+/// as negative or as positive that is within `slack` of zero.
 #[inline(always)]
-fn same_sign([u, v, w]: [f64; 3]) -> bool {
-    (u >= 0.0 && v >= 0.0 && w >= 0.0) || (u <= 0.0 && v <= 0.0 && w <= 0.0)
+fn same_sign([u, v, w]: [f64; 3], slack: f64) -> bool {
+    (u >= -slack && v >= -slack && w >= -slack) || (u <= slack && v <= slack && w <= slack)
 }
 
 /// The ends of a segment in an order that doesn't depend on how they are given.
