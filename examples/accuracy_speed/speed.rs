@@ -26,8 +26,8 @@ pub(crate) fn run(args: &Args, output: &Output) -> Result<usize, Box<dyn Error>>
     }
     let mut missed = 0;
     for n in args.points(&[100_000, 1_000_000]) {
-        let mut rows = Vec::new();
         for cloud in args.clouds(&[Cloud::Cube, Cloud::Sphere]) {
+            let mut rows = Vec::new();
             let points = clouds::cloud(cloud, n);
             for kernel in args.kernels(&KernelName::SPEED) {
                 println!("\n{}, {} of {n:e} points\n{HEADING}", kernel.label(), name(cloud));
@@ -47,11 +47,11 @@ pub(crate) fn run(args: &Args, output: &Output) -> Result<usize, Box<dyn Error>>
                     }
                 }
                 // All there is so far: the rest may take hours.
-                write(output, n, &rows, &rivals)?;
+                write(output, &format!("{}_{n:e}", name(cloud)), &rows, &rivals)?;
             }
+            println!("\n{}", table(&rows));
+            missed += rows.iter().filter(|row| row.missed()).count();
         }
-        println!("\n{}", table(&rows));
-        missed += rows.iter().filter(|row| row.missed()).count();
     }
     Ok(missed)
 }
@@ -89,9 +89,9 @@ fn measure(
     Ok(())
 }
 
-/// Writes the files of one number of points, so that others stay as they are.
-fn write(output: &Output, n: usize, rows: &[Row], rivals: &[Rival]) -> Result<(), String> {
-    output.write(&format!("speed_{n:e}.csv"), &csv(rows))?;
-    output.write(&format!("speed_{n:e}.txt"), &table(rows))?;
+/// Writes the files of one cloud: those of others stay as they are.
+fn write(output: &Output, cloud: &str, rows: &[Row], rivals: &[Rival]) -> Result<(), String> {
+    output.write(&format!("speed_{cloud}.csv"), &csv(rows))?;
+    output.write(&format!("speed_{cloud}.txt"), &table(rows))?;
     charts(rows, rivals).iter().try_for_each(|(file, chart)| output.write(file, &chart.svg()))
 }
