@@ -56,6 +56,18 @@ fn damaged_scenes_are_read_or_refused() {
     let folder = tempfile::tempdir().expect("a folder");
     let material = "newmtl red\nKd 0.6 0.1 0.1\nKe 0 0 0\n";
     fs::write(folder.path().join("damaged.mtl"), material).expect("written");
+    // What damage at random seldom does: a number that is read, and is none.
+    for (ending, text) in [
+        ("obj", OBJ.replacen("v 1 1 0", "v 1 nan 0", 1)),
+        ("off", OFF.replacen("\n1 0 0", "\nnan 0 0", 1)),
+        ("stl", STL.replacen("vertex 1 0 0", "vertex inf 0 0", 1)),
+        ("ply", PLY.replacen("\n1 0 0", "\nnan 0 0", 1)),
+        ("toml", TOML.replacen("2, 0, 0", "2, nan, 0", 1)),
+    ] {
+        let path = folder.path().join(format!("damaged.{ending}"));
+        fs::write(&path, text).expect("written");
+        assert!(load(&path.to_string_lossy()).is_err(), "{ending}");
+    }
     let (stl, ply) = (binary_stl(), binary_ply());
     for (ending, samples) in [
         ("obj", vec![OBJ.as_bytes()]),

@@ -116,7 +116,7 @@ const HARMONIC: Method = Method {
     formula: inverse,
     transposed: inverse,
     harmonic: true,
-    tolerance: 1e-3,
+    tolerance: 3e-4,
     rounding: 1e-12,
 };
 /// With 4 nodes per axis, M2L in single precision.
@@ -194,6 +194,8 @@ proptest! {
     #[test]
     fn sums_are_direct_sums(case in case(), method in any_method()) {
         let (ys, qs, xs, _) = case.points();
+        // Of one sign: errors that charges of both would cancel show.
+        let qs: Vec<f64> = qs.iter().map(|q| q.abs()).collect();
         let exact = direct(&plain(method.formula), &ys, &qs, &xs);
         let values = method.sum(case.leaf_size, &ys, &qs, &xs);
         let error = method.difference(&ys, &qs, &xs, &values, &exact);

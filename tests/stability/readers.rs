@@ -31,6 +31,19 @@ fn damaged_files_are_read_or_refused_by_name() {
     let table = b"x,y,z\n0.5,1,2\n-1e3, 4 ,5\r\n3,.5,6\n".to_vec();
     let column = b"1\n2.5\n-3e-4\n".to_vec();
 
+    // A header that speaks of more than there is, and a table of as many numbers in other rows.
+    for (name, bytes, expected) in [
+        ("long.npy", array("(1000000000000, 3)", &[0.0; 6]), "48 bytes of data"),
+        ("vast.npy", array("(18446744073709551615, 3)", &[0.0; 6]), "48 bytes of data"),
+        ("short.npy", array("(1, 3)", &[0.0; 6]), "48 bytes of data"),
+        ("ragged.csv", b"1,2\n3,4,5,6\n".to_vec(), "line 1 has 2 columns"),
+    ] {
+        let path = folder.path().join(name);
+        fs::write(&path, bytes).unwrap();
+        let refused = read::points::<f64>(&path).unwrap_err().to_string();
+        assert!(refused.contains(expected), "{refused}");
+    }
+
     let (mut accepted, mut refused) = (0u64, 0u64);
     let mut count = |ok: bool| if ok { accepted += 1 } else { refused += 1 };
     let mut tried = 0;

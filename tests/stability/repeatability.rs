@@ -6,6 +6,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 use farfield::{Fmm, from_fn};
+use farfield_potentials::{HarmonicExpansion, InverseDistance};
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -37,6 +38,11 @@ fn plans_have_the_same_bits_whoever_builds_and_applies_them() {
     // Several applications of one plan at once, on a pool that they share.
     let same = (0..6).into_par_iter().all(|_| one.apply(&charges).unwrap() == expected);
     assert!(same);
+    let expansion = HarmonicExpansion::new(InverseDistance::<f64>::new(), 5).unwrap();
+    let harmonic = Fmm::with_expansion(expansion).leaf_size(20).build(&points, &points).unwrap();
+    let [one_thread, two, three_threads] =
+        [1, 2, 3].map(|threads| with_threads(threads, || harmonic.apply(&charges).unwrap()));
+    assert!(one_thread == two && two == three_threads);
     // The plan that all operators come from is dropped, and more kernels met than are remembered.
     drop((one, three));
     for k in 0..30 {
