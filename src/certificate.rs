@@ -10,7 +10,7 @@ use crate::fmm::{Fmm, check_values};
 use crate::judge::{Judge, Judgement};
 use crate::parallel;
 use crate::random::Random;
-use crate::real::{Additive, Real};
+use crate::real::{Additive, Real, l2_norm};
 use crate::sampling::{Sampling, Urn, upper_mean};
 
 /// How far a sum is from the exact one over all targets, by direct sums at some of them.
@@ -119,13 +119,16 @@ struct Sample<'a, E: Expansion> {
     judge: Judge<'a, E>,
     values: &'a [ValueOf<E>],
     far: &'a [ValueOf<E>],
-    /// Σ ‖v‖² over all values.
-    norm_squared: f64,
+    /// ‖v‖ over all values.
+    norm: f64,
+    /// What magnitudes are counted in, so that their squares stay in the range of numbers: the norm, or
+    /// 1 where that is zero.
+    unit: f64,
     urn: Urn,
     known: HashMap<usize, Squares>,
 }
 
-/// Squared magnitudes at one target, or sums of them.
+/// Squared magnitudes at one target, or sums of them, in units of the values.
 #[derive(Clone, Copy, Debug, Default)]
 struct Squares {
     error: f64,
@@ -147,13 +150,14 @@ impl Squares {
 
 impl<'a, E: Expansion> Sample<'a, E> {
     fn new(judge: Judge<'a, E>, values: &'a [ValueOf<E>], far: &'a [ValueOf<E>]) -> Self {
+        let norm = l2_norm(values.iter().copied());
+        let unit = if norm > 0.0 { norm } else { 1.0 };
         let squares: Vec<[f64; 2]> = parallel::map(values.len(), &|i| {
             let mut near = values[i];
             near.subtract(&far[i]);
-            [near.norm_squared(), far[i].norm_squared()]
+            [near, far[i]].map(|part| (part.norm() / unit).powi(2))
         });
-        let norm_squared = values.iter().map(Additive::norm_squared).sum();
-        Self { judge, values, far, norm_squared, urn: Urn::new(&squares), known: HashMap::new() }
+        Self { judge, values, far, norm, unit, urn: Urn::new(&squares), known: HashMap::new() }
     }
 
     fn certificate(mut self, sampling: &Sampling) -> Result<Certificate, Error> {
@@ -193,9 +197,27 @@ impl<'a, E: Expansion> Sample<'a, E> {
                     value: format!("{:?}", judgement.all.high),
                 });
             }
-            self.known.insert(t, squares(&self.values[t], &self.far[t], &judgement));
+            self.known.insert(t, self.squares(t, &judgement));
         }
         Ok(())
+    }
+
+    /// What is known about the target at place `t`.
+    fn squares(&self, t: usize, judgement: &Judgement<ValueOf<E>>) -> Squares {
+        let error = judgement.all.subtracted_from(&self.values[t]);
+        let mut exact_far = judgement.all;
+        exact_far.subtract(&judgement.near);
+        let far_error = exact_far.subtracted_from(&self.far[t]);
+        let mut near_error = error;
+        near_error.subtract(&far_error);
+        let squared = |magnitude: f64| (magnitude / self.unit).powi(2);
+        Squares {
+            error: squared(error.norm()),
+            near: squared(near_error.norm()),
+            far: squared(far_error.norm()),
+            absolute: squared(judgement.absolute),
+            exact: squared(judgement.all.high.norm()),
+        }
     }
 
     /// The certificate if all targets are looked at.
@@ -205,7 +227,7 @@ impl<'a, E: Expansion> Sample<'a, E> {
         let mut total = Squares::default();
         targets.iter().for_each(|t| total.add(1.0, &self.known[t]));
         // As everywhere, errors are absolute where the reference vanishes.
-        let norm = if total.exact > 0.0 { total.exact.sqrt() } else { 1.0 };
+        let norm = if total.exact > 0.0 { total.exact.sqrt() } else { 1.0 / self.unit };
         let bound = |error: f64| error / norm;
         Ok(self.of(&total, norm, total.error, 1.0, bound))
     }
@@ -218,7 +240,7 @@ impl<'a, E: Expansion> Sample<'a, E> {
         draws.iter().map(weighed).for_each(|(weight, at)| mean.add(share * weight, at));
         let errors: Vec<f64> = draws.iter().map(weighed).map(|(w, at)| w * at.error).collect();
         let upper = upper_mean(&errors, risk);
-        let norm = self.norm_squared.sqrt();
+        let norm = self.norm / self.unit;
         // ‖u‖ is ‖v‖ less ‖error‖ at least.
         let bound = |error: f64| match error {
             0.0 => 0.0,
@@ -255,22 +277,5 @@ impl<'a, E: Expansion> Sample<'a, E> {
             condition: (absolute / norm).max(1.0),
             round_off: round_off / norm,
         }
-    }
-}
-
-/// What is known about a target with the value `value`, to which expansions brought `far`.
-fn squares<V: Additive>(value: &V, far: &V, judgement: &Judgement<V>) -> Squares {
-    let error = judgement.all.subtracted_from(value);
-    let mut exact_far = judgement.all;
-    exact_far.subtract(&judgement.near);
-    let far_error = exact_far.subtracted_from(far);
-    let mut near_error = error;
-    near_error.subtract(&far_error);
-    Squares {
-        error: error.norm_squared(),
-        near: near_error.norm_squared(),
-        far: far_error.norm_squared(),
-        absolute: judgement.absolute.powi(2),
-        exact: judgement.all.high.norm_squared(),
     }
 }

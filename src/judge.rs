@@ -174,7 +174,7 @@ impl<V: Additive> Sums<V> {
             value.accumulate(pair);
         }
         for (absolute, pair) in self.absolute.iter_mut().zip(&self.pairs) {
-            *absolute += pair.norm_squared().sqrt();
+            *absolute += pair.norm();
         }
     }
 

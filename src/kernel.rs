@@ -6,7 +6,7 @@ use std::marker::PhantomData;
 use crate::dispatch::PairLoop;
 use crate::lists::for_each_set_bit;
 use crate::parallel;
-use crate::real::{Additive, Columns, Linear, Located, Point, Real, Scalar};
+use crate::real::{Additive, Columns, Linear, Located, Point, Real, Scalar, l2_norm};
 
 /// The sum's kernel: u(x) += K(x, y) q, linear in q.
 ///
@@ -257,15 +257,13 @@ const DIRECT_RUN: usize = 1024;
 /// If the lengths differ.
 pub fn relative_l2_error<V: Additive>(values: &[V], reference: &[V]) -> f64 {
     assert_eq!(values.len(), reference.len(), "one reference per value");
-    let mut error = 0.0;
-    let mut norm = 0.0;
-    for (value, exact) in values.iter().zip(reference) {
+    let differences = values.iter().zip(reference).map(|(value, exact)| {
         let mut difference = *value;
         difference.subtract(exact);
-        error += difference.norm_squared();
-        norm += exact.norm_squared();
-    }
-    if norm > 0.0 { (error / norm).sqrt() } else { error.sqrt() }
+        difference
+    });
+    let (error, norm) = (l2_norm(differences), l2_norm(reference.iter().copied()));
+    if norm > 0.0 { error / norm } else { error }
 }
 
 #[cfg(test)]
@@ -292,5 +290,14 @@ mod tests {
     fn the_error_of_a_vanishing_reference_is_absolute() {
         assert_eq!(relative_l2_error::<f64>(&[3.0, 4.0], &[0.0, 0.0]), 5.0);
         assert_eq!(relative_l2_error::<f64>(&[1.0, 3.0], &[1.0, 2.0]), 1.0 / 5f64.sqrt());
+    }
+
+    #[test]
+    fn errors_of_any_size_of_values_are_seen() {
+        for unit in [1e-300, 1e-160, 1e160, 1e300] {
+            let error = relative_l2_error::<f64>(&[unit, 3.0 * unit], &[unit, 2.0 * unit]);
+            assert!((error - 1.0 / 5f64.sqrt()).abs() < 1e-12, "{unit:e}: {error:e}");
+        }
+        assert!(relative_l2_error(&[f64::NAN, 1.0], &[1.0, 1.0]).is_nan());
     }
 }

@@ -3,7 +3,7 @@
 use num_traits::Float;
 
 use crate::geometry::Cube;
-use crate::real::{Additive, Point, Real, Scalar, Vector};
+use crate::real::{Additive, Point, Real, Scalar, Vector, l2_norm};
 
 /// The matrix G(x, y) of a point kernel, with its kernel's type forgotten: what set-up works on.
 pub(crate) struct Formula<'a, S: Scalar> {
@@ -277,9 +277,8 @@ fn agree<S: Scalar>(a: &[S], b: &[S], tolerance: f64) -> bool {
     norm(&difference) <= tolerance * norm(a).hypot(norm(b))
 }
 
-/// The square root of [`norm_squared`], also where that leaves the range of numbers.
 fn norm<S: Scalar>(g: &[S]) -> f64 {
-    g.iter().flat_map(|g| g.parts()).map(Real::as_f64).fold(0.0, f64::hypot)
+    l2_norm(g.iter().copied())
 }
 
 pub(crate) fn zero<S: Scalar>() -> S {

@@ -20,8 +20,24 @@ pub trait Additive: Copy + Debug + Send + Sync + 'static {
     fn subtract(&mut self, other: &Self);
     /// Whether no component is NaN or infinite.
     fn is_finite(&self) -> bool;
-    /// Sum of the squared moduli of all components, in double precision.
-    fn norm_squared(&self) -> f64;
+    /// The l2 norm of all components, in double precision, also where their squares would leave its range.
+    fn norm(&self) -> f64;
+    /// The square of [`norm`](Self::norm).
+    #[inline(always)]
+    fn norm_squared(&self) -> f64 {
+        let norm = self.norm();
+        norm * norm
+    }
+}
+
+/// The l2 norm of all of `items`, also where squares leave the range of numbers. O(n).
+pub(crate) fn l2_norm<V: Additive>(items: impl Iterator<Item = V> + Clone) -> f64 {
+    let squares: f64 = items.clone().map(|v| v.norm_squared()).sum();
+    // Then no square that matters has overflowed or lost digits.
+    if (1e-280..1e280).contains(&squares) {
+        return squares.sqrt();
+    }
+    items.fold(0.0, |norm, v| norm.hypot(v.norm()))
 }
 
 /// An [`Additive`] type that can be scaled by `S`: a vector space over `S`.
@@ -144,8 +160,8 @@ macro_rules! real {
                 <$t>::is_finite(*self)
             }
             #[inline(always)]
-            fn norm_squared(&self) -> f64 {
-                self.as_f64() * self.as_f64()
+            fn norm(&self) -> f64 {
+                self.as_f64().abs()
             }
         }
 
@@ -297,6 +313,10 @@ macro_rules! real {
                 <$vector>::is_finite(*self)
             }
             #[inline(always)]
+            fn norm(&self) -> f64 {
+                self.to_array().norm()
+            }
+            #[inline(always)]
             fn norm_squared(&self) -> f64 {
                 self.to_array().norm_squared()
             }
@@ -355,6 +375,10 @@ impl<T: Real> Additive for Complex<T> {
         Additive::is_finite(&self.re) && Additive::is_finite(&self.im)
     }
     #[inline(always)]
+    fn norm(&self) -> f64 {
+        [self.re, self.im].norm()
+    }
+    #[inline(always)]
     fn norm_squared(&self) -> f64 {
         self.re.norm_squared() + self.im.norm_squared()
     }
@@ -401,6 +425,10 @@ impl<V: Additive, const N: usize> Additive for [V; N] {
         self.iter().all(V::is_finite)
     }
     #[inline(always)]
+    fn norm(&self) -> f64 {
+        l2_norm(self.iter().copied())
+    }
+    #[inline(always)]
     fn norm_squared(&self) -> f64 {
         self.iter().map(V::norm_squared).sum()
     }
@@ -442,5 +470,17 @@ mod tests {
         assert_eq!(complex, [Complex::new(-1.0, 3.0); 2]);
         assert_eq!(one.norm_squared(), 10.0);
         assert!(!Additive::is_finite(&[Complex::new(1.0, f64::NAN)]));
+    }
+
+    #[test]
+    fn norms_stay_in_the_range_of_numbers() {
+        for unit in [5e-320, 1e-200, 1.0, 1e200, 1e307] {
+            let norm =
+                [[Complex::new(3.0 * unit, 0.0); 2], [Complex::new(0.0, 4.0 * unit); 2]].norm();
+            assert!((norm / (50f64.sqrt() * unit) - 1.0).abs() < 1e-3, "{unit:e}: {norm:e}");
+            assert_eq!(DVec3::new(0.0, -2.0 * unit, 0.0).norm(), 2.0 * unit);
+        }
+        assert_eq!([0.0f32; 3].norm(), 0.0);
+        assert!([1e300, f64::NAN].norm().is_nan() && [1e-300, f64::NAN].norm().is_nan());
     }
 }

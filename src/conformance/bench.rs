@@ -4,7 +4,7 @@ use super::{Samples, Violation};
 use crate::expansion::{ChargeOf, Expansion, RealOf, SourceOf, TargetOf, ValueOf};
 use crate::geometry::{Cell, Cube};
 use crate::kernel::{Outcome, direct, relative_l2_error};
-use crate::real::{Additive, Point, Real, Vector};
+use crate::real::{Additive, Point, Real, Vector, l2_norm};
 
 /// Level of the cells between which M2L acts; their children hold the points.
 pub(super) const LEVEL: usize = 4;
@@ -202,7 +202,7 @@ fn unless_declined<V: Additive>(
 ) -> Result<Option<Vec<V>>, Violation> {
     match outcome {
         Outcome::Done => Ok(Some(out)),
-        Outcome::Declined if out.iter().all(|v| v.norm_squared() == 0.0) => Ok(None),
+        Outcome::Declined if out.iter().all(|v| v.norm() == 0.0) => Ok(None),
         Outcome::Declined => Err(Violation::DeclinedWithOutput { operator }),
     }
 }
@@ -225,9 +225,9 @@ fn additive<I, O: Additive>(
     let mut onto = results[0].clone();
     apply(inputs[1], &mut onto);
     let hold = |fault, found: &[O]| {
-        let size: f64 = results.iter().flatten().map(Additive::norm_squared).sum();
-        let deviation: f64 = found.iter().zip(&expected).map(|(a, b)| distance_squared(a, b)).sum();
-        let deviation = if deviation == 0.0 { 0.0 } else { (deviation / size).sqrt() };
+        let size = l2_norm(results.iter().flatten().copied());
+        let deviation = l2_norm(found.iter().zip(&expected).map(|(a, b)| difference(a, b)));
+        let deviation = if deviation == 0.0 { 0.0 } else { deviation / size };
         if deviation <= bound {
             return Ok(());
         }
@@ -238,10 +238,10 @@ fn additive<I, O: Additive>(
     Ok(results)
 }
 
-fn distance_squared<V: Additive>(a: &V, b: &V) -> f64 {
+fn difference<V: Additive>(a: &V, b: &V) -> V {
     let mut difference = *a;
     difference.subtract(b);
-    difference.norm_squared()
+    difference
 }
 
 fn zeros<V: Additive>(len: usize) -> Vec<V> {

@@ -1,8 +1,8 @@
 //! Sums whose terms cancel, or differ by more than all digits.
 
 use farfield::{
-    Additive, Cell, Cube, Expansion, Fmm, Geometry, Interpolation, Level, direct, from_fn,
-    relative_l2_error,
+    Additive, Cell, Cube, Expansion, Fmm, Geometry, Interpolation, Level, Sampling, direct,
+    from_fn, relative_l2_error,
 };
 use farfield_potentials::harmonic::Harmonic;
 use farfield_potentials::{
@@ -281,15 +281,27 @@ fn charges_of_any_size_are_carried() {
     let mut worst = 0.0f64;
     // Loose tolerances, for which M2L works in single precision.
     let fmm = build(inverse, 1e-3, &points, &points).unwrap();
-    for size in [1e-300, 1e-60, 1e-30, 1.0, 1e30, 1e60, 1e150] {
+    let drawn = Sampling { max_samples: 600, ..Sampling::default() };
+    let certificates = |charges: &[f64]| {
+        let (values, complete) = fmm.apply_certified(charges).unwrap();
+        (values, [complete, fmm.apply_certified_by(charges, &drawn).unwrap().1])
+    };
+    let (_, usual) = certificates(&unit);
+    for size in [1e-300, 1e-160, 1e-60, 1e-30, 1.0, 1e30, 1e60, 1e160, 1e300] {
         let charges: Vec<f64> = unit.iter().map(|q| q * size).collect();
-        let values = fmm.apply(&charges).unwrap_or_else(|e| panic!("{size:e}: {e}"));
-        let units = |u: Vec<f64>| u.into_iter().map(|u| u / size).collect::<Vec<_>>();
-        let exact = units(direct(&plain(inverse), &points, &charges, &points));
-        let error = relative_l2_error(&units(values), &exact);
+        let (values, found) = certificates(&charges);
+        let error =
+            relative_l2_error(&values, &direct(&plain(inverse), &points, &charges, &points));
         assert!(error < 1e-3, "{size:e}: {error:e}");
         worst = worst.max(error);
+        for (found, usual) in found.iter().zip(&usual) {
+            assert!(error <= (1.0 + 1e-6) * found.relative_l2, "{size:e}: {error:e} {found:?}");
+            let off = [found.relative_l2 / usual.relative_l2, found.condition / usual.condition];
+            assert!(off.iter().all(|off| (off - 1.0).abs() < 1e-2), "{size:e}: {found:?}");
+        }
     }
+    let squares = [1e-300f64, 1e300].map(|q| q * q);
+    assert_eq!(squares, [0.0, f64::INFINITY]);
     // Both at once: the small ones are lost beside the large ones, as they are in the sum.
     let mixed: Vec<f64> = unit.iter().enumerate().map(|(i, q)| q * [1e30, 1e-30][i % 2]).collect();
     let mixed = error(inverse, 1e-3, &points, &mixed).unwrap();
@@ -297,10 +309,13 @@ fn charges_of_any_size_are_carried() {
     let single = [1e-60f64, 1e60].map(|q| q as f32);
     assert_eq!(single, [0.0, f32::INFINITY]);
     row(
-        "Charges of 1e-300 to 1e150, and of 1e±30 at once",
-        "intermediate results in single precision end at 1e±38",
-        "1e-60 becomes 0, 1e60 infinite",
-        format!("error {worst:.0e} at tolerance 1e-3; {mixed:.0e} for both at once"),
+        "Charges of 1e-300 to 1e300, and of 1e±30 at once",
+        "intermediate results in single precision end at 1e±38, squares by which errors are told at 1e±154",
+        "1e-60 becomes 0, 1e60 infinite; squares of 1e-300 and 1e300 are 0 and infinite",
+        format!(
+            "error {worst:.0e} at tolerance 1e-3, the certificate's bound the same at every size; \
+             {mixed:.0e} for both at once"
+        ),
     );
 }
 

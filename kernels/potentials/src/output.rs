@@ -70,8 +70,9 @@ impl<C: Additive> Additive for PotentialGradient<C> {
         self.potential.is_finite() && self.gradient.is_finite()
     }
     #[inline(always)]
-    fn norm_squared(&self) -> f64 {
-        self.potential.norm_squared() + self.gradient.norm_squared()
+    fn norm(&self) -> f64 {
+        let [x, y, z] = self.gradient;
+        [self.potential, x, y, z].norm()
     }
 }
 
