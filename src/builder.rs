@@ -2,10 +2,11 @@
 
 use std::fmt;
 
+use crate::cell_mask::{CellMask, Side, Viewing};
 use crate::choice::{Candidate, DOUBT, cheapest, correct};
 use crate::error::Error;
 use crate::estimate::Estimate;
-use crate::expansion::{Expansion, Geometry, SourceOf, TargetOf};
+use crate::expansion::{Expansion, Geometry, RealOf, SourceOf, TargetOf};
 use crate::fmm::Fmm;
 use crate::forecast::Known;
 use crate::grove::Grove;
@@ -15,7 +16,7 @@ use crate::mask::{Mask, Unmasked};
 use crate::pace::pair_seconds;
 use crate::plan::{Plan, Scheme, levels};
 use crate::times::{BuildTimes, Clock, Phase, Progress};
-use crate::traversal::{Far, Side, Traversal};
+use crate::traversal::{Far, Traversal};
 
 impl<K: PointKernel> Fmm<Interpolation<K>> {
     /// Starts a plan for a kernel given by its formula, expanded by [`Interpolation`].
@@ -169,7 +170,8 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
                 }
             }
             clock.lap(&mut times.lists);
-            let traversal = self.traversal(scheme, &grove);
+            let mask = self.viewing(&grove);
+            let traversal = self.traversal(scheme, &grove, &mask);
             let lists = traversal.lists(&|fraction| self.report(Phase::Lists, fraction));
             self.report(Phase::Lists, 1.0);
             clock.lap(&mut times.lists);
@@ -231,7 +233,7 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
         let pair_seconds = self.pair_seconds(&grove.sources, &grove.targets);
         let expansion = &self.expansion;
         let known = Known { expansion, scheme, grove, pair_seconds, tree_seconds };
-        known.estimate(&self.traversal(scheme, grove))
+        known.estimate(&self.traversal(scheme, grove, &self.viewing(grove)))
     }
 
     fn grove(
@@ -240,7 +242,7 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
         targets: &[TargetOf<E>],
     ) -> Result<Grove<SourceOf<E>, TargetOf<E>>, Error> {
         let best = || self.expansion.leaf_size(self.pair_seconds(sources, targets));
-        Grove::new(sources, targets, || self.choices.leaf_size.unwrap_or_else(best))
+        Grove::new(sources, targets, &|| self.choices.leaf_size.unwrap_or_else(best))
     }
 
     fn pair_seconds(&self, sources: &[SourceOf<E>], targets: &[TargetOf<E>]) -> f64 {
@@ -248,15 +250,27 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
         pair_seconds(kernel, tolerance, sources, targets)
     }
 
-    fn traversal<'b>(
+    fn viewing<'b>(
         &'b self,
-        scheme: Scheme,
         grove: &'b Grove<SourceOf<E>, TargetOf<E>>,
-    ) -> Traversal<'b, E::Kernel, M> {
-        Traversal {
+    ) -> Viewing<'b, E::Kernel, M> {
+        Viewing {
+            mask: &self.mask,
             targets: Side { tree: &grove.target_tree, points: &grove.targets },
             sources: Side { tree: &grove.source_tree, points: &grove.sources },
-            mask: &self.mask,
+        }
+    }
+
+    fn traversal<'b>(
+        &self,
+        scheme: Scheme,
+        grove: &'b Grove<SourceOf<E>, TargetOf<E>>,
+        mask: &'b dyn CellMask,
+    ) -> Traversal<'b, RealOf<E>> {
+        Traversal {
+            targets: &grove.target_tree,
+            sources: &grove.source_tree,
+            mask,
             far: match scheme {
                 Scheme::Direct => Far::Nothing,
                 Scheme::Fmm if self.expansion.weighs() => Far::Weighed,

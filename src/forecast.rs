@@ -3,10 +3,9 @@
 use std::sync::Arc;
 
 use crate::estimate::Estimate;
-use crate::expansion::{ChargeOf, Expansion, SourceOf, TargetOf, ValueOf};
+use crate::expansion::{ChargeOf, Expansion, RealOf, SourceOf, TargetOf, ValueOf};
 use crate::grove::Grove;
 use crate::lists::Run;
-use crate::mask::Mask;
 use crate::plan::Scheme;
 use crate::shape::Shape;
 use crate::survey::Survey;
@@ -35,10 +34,7 @@ const M2L_SHARE: f64 = 2.0 / 3.0;
 
 impl<E: Expansion> Known<'_, E> {
     /// What the plan with the lists that `traversal` would find would cost.
-    pub(crate) fn estimate<M: Mask<E::Kernel>>(
-        &self,
-        traversal: &Traversal<'_, E::Kernel, M>,
-    ) -> Estimate {
+    pub(crate) fn estimate(&self, traversal: &Traversal<'_, RealOf<E>>) -> Estimate {
         let terms = self.expansion.expected_terms();
         let (mut clock, mut seconds) = (Clock::start(), 0.0);
         let (levels, share) = traversal.survey(TERM_PAIRS * terms);

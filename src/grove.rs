@@ -27,7 +27,7 @@ impl<S: Located, X: Located<Real = S::Real>> Grove<S, X> {
     pub(crate) fn new(
         sources: &[S],
         targets: &[X],
-        leaf_size: impl FnOnce() -> usize,
+        leaf_size: &dyn Fn() -> usize,
     ) -> Result<Self, Error> {
         let bounds = Bounds::new(PointSet::Sources, sources)?;
         let root = bounds.join(Bounds::new(PointSet::Targets, targets)?).root_cube()?;

@@ -63,6 +63,7 @@ mod mask;
 mod grouped;
 mod offsets;
 mod lists;
+mod cell_mask;
 mod traversal;
 mod survey;
 mod grove;

@@ -12,6 +12,7 @@ use crate::near::{Gathered, Near};
 use crate::parallel;
 use crate::plan::{Plan, Scheme, Workspace};
 use crate::real::Additive;
+use crate::shape::Shape;
 use crate::times::{ApplyTimes, Clock};
 
 /// What is added up at the targets in one sweep over their leaves.
@@ -244,37 +245,7 @@ impl<E: Expansion> Plan<E> {
                 gathered.with(Gathered::default, |gathered| near.add(runs, gathered, xs, us));
             }
         };
-        self.for_each_leaf(&self.layout.tasks, values, &at_leaf);
-    }
-
-    /// Calls `visit` for each target leaf of `tasks` with its part of `values`, in parallel.
-    fn for_each_leaf(
-        &self,
-        tasks: &[Range<usize>],
-        mut values: &mut [ValueOf<E>],
-        visit: &(dyn Fn(usize, &mut [ValueOf<E>]) + Sync),
-    ) {
-        let tree = &self.target_tree;
-        let points = |leaf: usize| tree.shape.nodes[tree.shape.leaves[leaf] as usize].points();
-        match tasks {
-            [] => (),
-            [task] => {
-                for leaf in task.clone() {
-                    let (us, rest) = values.split_at_mut(points(leaf).len());
-                    visit(tree.shape.leaves[leaf] as usize, us);
-                    values = rest;
-                }
-            }
-            _ => {
-                let (left, right) = tasks.split_at(tasks.len() / 2);
-                let middle = points(right[0].start).start - points(left[0].start).start;
-                let (before, after) = values.split_at_mut(middle);
-                rayon::join(
-                    || self.for_each_leaf(left, before, visit),
-                    || self.for_each_leaf(right, after, visit),
-                );
-            }
-        }
+        for_each_leaf(&self.target_tree.shape, &self.layout.tasks, values, &at_leaf);
     }
 
     /// What the cells above a target leaf, and the leaf itself, have not put into local expansions:
@@ -300,6 +271,35 @@ impl<E: Expansion> Plan<E> {
                     far.direct(s, xs, us);
                 }
             }
+        }
+    }
+}
+
+/// Calls `visit` for each leaf of `tasks` with its part of `values`, in parallel.
+fn for_each_leaf<V: Send>(
+    shape: &Shape,
+    tasks: &[Range<usize>],
+    mut values: &mut [V],
+    visit: &(dyn Fn(usize, &mut [V]) + Sync),
+) {
+    let points = |leaf: usize| shape.nodes[shape.leaves[leaf] as usize].points();
+    match tasks {
+        [] => (),
+        [task] => {
+            for leaf in task.clone() {
+                let (us, rest) = values.split_at_mut(points(leaf).len());
+                visit(shape.leaves[leaf] as usize, us);
+                values = rest;
+            }
+        }
+        _ => {
+            let (left, right) = tasks.split_at(tasks.len() / 2);
+            let middle = points(right[0].start).start - points(left[0].start).start;
+            let (before, after) = values.split_at_mut(middle);
+            rayon::join(
+                || for_each_leaf(shape, left, before, visit),
+                || for_each_leaf(shape, right, after, visit),
+            );
         }
     }
 }

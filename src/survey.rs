@@ -1,9 +1,8 @@
 //! What the lists of a plan would hold, from a sample of its target cells.
 
-use crate::kernel::Kernel;
 use crate::lists::ALL;
-use crate::mask::Mask;
 use crate::parallel;
+use crate::real::Real;
 use crate::traversal::{Candidate, Found, Traversal};
 
 /// What the target cells of a level would find, extrapolated from some of them.
@@ -28,12 +27,12 @@ pub(crate) struct Survey {
 /// Cells of a level that are looked at.
 const CELLS: usize = 32;
 
-impl<K: Kernel, M: Mask<K>> Traversal<'_, K, M> {
-    /// Surveys every level of the target tree. M2P at a target and P2L of a source are
-    /// taken to cost as much as `m2p_pairs` pairs summed directly. Also which share of the work of finding all lists this is. O(levels²),
-    /// whatever the number of points.
+impl<T: Real> Traversal<'_, T> {
+    /// Surveys every level of the target tree, and tells which share of the work of finding all lists
+    /// that is. M2P at a target and P2L of a source are taken to cost as much as `m2p_pairs` pairs summed
+    /// directly. O(levels²), whatever the number of points.
     pub(crate) fn survey(&self, m2p_pairs: usize) -> (Vec<Survey>, f64) {
-        let shape = &self.targets.tree.shape;
+        let shape = &self.targets.shape;
         let level = |level: usize| {
             let cells = shape.level(level);
             let count = cells.len().min(CELLS);
@@ -52,8 +51,8 @@ impl<K: Kernel, M: Mask<K>> Traversal<'_, K, M> {
 
     /// What one target cell would find.
     fn look(&self, t: usize, m2p_pairs: usize) -> Survey {
-        let nodes = &self.targets.tree.shape.nodes;
-        let mut path: Vec<usize> = self.targets.tree.shape.path_to_root(t).collect();
+        let nodes = &self.targets.shape.nodes;
+        let mut path: Vec<usize> = self.targets.shape.path_to_root(t).collect();
         path.reverse();
         let mut candidates: Vec<Candidate> = self.at_root().into_iter().collect();
         let mut near = Vec::new();
@@ -64,7 +63,7 @@ impl<K: Kernel, M: Mask<K>> Traversal<'_, K, M> {
             candidates = std::mem::take(&mut found.open.items);
         }
         let targets = nodes[t].count() as f64;
-        let sources = &self.sources.tree.shape.nodes;
+        let sources = &self.sources.shape.nodes;
         let count = |s: &u32| sources[*s as usize].count();
         let runs = found.near.items.iter();
         let of_runs = |asked: bool| {

@@ -1,7 +1,5 @@
 //! P2M and L2P: from a cell's charges to densities and moments, and from fields to values.
 
-use pulp::Arch;
-
 use crate::geometry::Cell;
 use crate::interpolation::Interpolation;
 use crate::interpolation::points::{self, Fields, Moments, Powers, row};
@@ -69,8 +67,7 @@ impl<K: PointKernel> Interpolation<K> {
                     }
                 }
                 reset(arrays, count * n * row(n));
-                let moments = Moments { basis, powers, points, numbers, arrays, sums, multipole };
-                Arch::new().dispatch(moments);
+                Moments { basis, powers, points, numbers, arrays, sums, multipole }.add();
             },
         );
     }
@@ -95,8 +92,7 @@ impl<K: PointKernel> Interpolation<K> {
                 reset(arrays, count * n * row(n));
                 reset(numbers, count * derivatives * targets.len());
                 let gradient = K::GRADIENT;
-                let fields = Fields { basis, powers, points, numbers, arrays, local, gradient };
-                Arch::new().dispatch(fields);
+                Fields { basis, powers, points, numbers, arrays, local, gradient }.add();
                 let per_length = K::Real::from_f64(1.0) / cell.half_width();
                 for (i, (x, u)) in targets.iter().zip(values).enumerate() {
                     let number = |array: usize, derivative: usize| {

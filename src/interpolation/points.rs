@@ -6,7 +6,7 @@
 //! The array of one column of right-hand sides holds the coefficient of T̂_i(x) T̂_j(y) T̂_k(z) at
 //! i · [`row`]`(n)` + j · n + k.
 
-use pulp::{Simd, WithSimd};
+use pulp::{Arch, Simd, WithSimd};
 
 use crate::chebyshev::{derivatives_in_lanes, polynomials_in_lanes};
 use crate::interpolation::MAX_ORDER;
@@ -33,6 +33,14 @@ pub(crate) struct Moments<'a, S: Scalar> {
     pub(crate) sums: &'a mut Vec<S>,
     /// What to add to.
     pub(crate) multipole: &'a mut [S],
+}
+
+impl<S: Scalar> Moments<'_, S> {
+    // Not inlined: compiled once, not for every kernel.
+    #[inline(never)]
+    pub(crate) fn add(self) {
+        Arch::new().dispatch(self);
+    }
 }
 
 impl<S: Scalar> WithSimd for Moments<'_, S> {
@@ -66,6 +74,14 @@ pub(crate) struct Fields<'a, S: Scalar> {
     pub(crate) arrays: &'a mut [S::Real],
     pub(crate) local: &'a [S],
     pub(crate) gradient: bool,
+}
+
+impl<S: Scalar> Fields<'_, S> {
+    // Not inlined: compiled once, not for every kernel.
+    #[inline(never)]
+    pub(crate) fn add(self) {
+        Arch::new().dispatch(self);
+    }
 }
 
 impl<S: Scalar> WithSimd for Fields<'_, S> {
@@ -337,7 +353,7 @@ fn multiply<T: Real>(y: T, z: &[T], to: &mut [T]) {
 mod tests {
     use super::*;
     use crate::chebyshev::polynomials;
-    use pulp::{Arch, Scalar as Plain};
+    use pulp::Scalar as Plain;
 
     /// Moments of unit densities, then fields and derivatives of `coefficients`.
     struct Both<'a>(usize, &'a [[f64; 3]], &'a [f64]);
