@@ -8,6 +8,7 @@ use glam::{DVec3, Vec3};
 use num_complex::Complex;
 
 use crate::clouds::{self, Random};
+use crate::{plain, single};
 
 pub(crate) const SCHEMES: [Scheme; 4] =
     [Scheme::Direct, Scheme::Treecode { m2m: false }, Scheme::Treecode { m2m: true }, Scheme::Fmm];
@@ -103,7 +104,7 @@ fn a_far_away_origin_costs_no_digits() {
     // Shifted points are rounded: the reference must see the rounded ones.
     let points: Vec<DVec3> = near.iter().map(|p| *p + origin).collect();
     let charges = clouds::charges(2000, 2);
-    let kernel = from_fn(|x: DVec3, y: DVec3| 1.0 / x.distance(y)).skip_coincident();
+    let kernel = plain(|x, y| 1.0 / x.distance(y)).skip_coincident();
     let exact = direct(&kernel, &points, &charges, &points);
     let fmm = Fmm::builder(kernel).order(9).leaf_size(60).build(&points, &points).unwrap();
     let error = relative_l2_error(&fmm.apply(&charges).unwrap(), &exact);
@@ -115,7 +116,7 @@ fn any_number_of_threads_gives_the_same_bits() {
     let points = clouds::plummer(5000, 1);
     let targets = clouds::cube(3000, 2);
     let charges = clouds::charges(5000, 3);
-    let kernel = from_fn(|x: DVec3, y: DVec3| (-x.distance(y)).exp());
+    let kernel = plain(|x, y| (-x.distance(y)).exp());
     let run = |threads, scheme| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
@@ -158,7 +159,7 @@ fn a_plan_serves_many_charges_and_many_threads() {
 fn all_schemes_of_interpolation_converge_to_direct() {
     let points = clouds::sphere(3000, 1);
     let charges = clouds::charges(3000, 2);
-    let kernel = from_fn(|x: DVec3, y: DVec3| 1.0 / (1.0 + x.distance_squared(y)));
+    let kernel = plain(|x, y| 1.0 / (1.0 + x.distance_squared(y)));
     let exact = direct(&kernel, &points, &charges, &points);
     for scheme in SCHEMES {
         let fmm = Fmm::builder(kernel).tolerance(1e-6).leaf_size(30).scheme(scheme);
@@ -198,7 +199,7 @@ fn complex_kernels_and_many_columns() {
 fn single_precision() {
     let points: Vec<Vec3> = clouds::plummer(2000, 4).iter().map(|p| p.as_vec3()).collect();
     let charges: Vec<f32> = clouds::charges(2000, 2).iter().map(|&q| q as f32).collect();
-    let kernel = from_fn(|x: Vec3, y: Vec3| 1.0 / x.distance(y)).skip_coincident();
+    let kernel = single(|x, y| 1.0 / x.distance(y)).skip_coincident();
     let fmm = Fmm::builder(kernel).tolerance(1e-4).leaf_size(30).build(&points, &points).unwrap();
     let exact = direct(&kernel, &points, &charges, &points);
     let error = relative_l2_error(&fmm.apply(&charges).unwrap(), &exact);
@@ -208,7 +209,7 @@ fn single_precision() {
 #[test]
 fn bad_input_gets_an_error_that_names_it() {
     let points = clouds::cube(10, 1);
-    let kernel = from_fn(|x: DVec3, y: DVec3| 1.0 / x.distance(y));
+    let kernel = plain(|x, y| 1.0 / x.distance(y));
     let build = |sources: &[DVec3], targets: &[DVec3]| {
         Fmm::builder(kernel).order(3).build(sources, targets).map(|_| ()).unwrap_err()
     };
@@ -259,7 +260,7 @@ fn bad_input_gets_an_error_that_names_it() {
 #[test]
 fn a_tolerance_out_of_reach_is_refused_with_what_can_be_reached() {
     let points = clouds::cube(4000, 1);
-    let kernel = from_fn(|x: DVec3, y: DVec3| (20.0 * x.distance(y)).cos());
+    let kernel = plain(|x, y| (20.0 * x.distance(y)).cos());
     let build = |tolerance| {
         Fmm::builder(kernel).tolerance(tolerance).leaf_size(400).build(&points, &points)
     };

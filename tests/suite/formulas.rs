@@ -6,6 +6,7 @@ use glam::{DVec3, Vec3};
 use num_complex::Complex;
 
 use crate::clouds::{Random, cube, plummer, sphere};
+use crate::{plain, single};
 
 const POINTS: usize = 4000;
 
@@ -96,7 +97,7 @@ fn waves_meet_their_tolerances() {
 fn single_precision_meets_what_it_can() {
     let narrow = |p: &DVec3| Vec3::new(p.x as f32, p.y as f32, p.z as f32);
     let points: Vec<Vec3> = cube(POINTS, 4).iter().map(narrow).collect();
-    let kernel = from_fn(|x: Vec3, y: Vec3| x.distance(y).recip()).skip_coincident();
+    let kernel = single(|x, y| x.distance(y).recip()).skip_coincident();
     let mut random = Random::new(5);
     let charges: Vec<f32> = points.iter().map(|_| random.between(-0.5, 0.5) as f32).collect();
     for tolerance in [1e-2, 1e-3, 1e-5] {
@@ -154,7 +155,7 @@ fn reflections_and_offsets_are_each_right() {
     let targets: Vec<DVec3> = (0..20_000).map(|_| random.in_cube() * 8.0).collect();
     let mut charges = vec![1.0; sources.len()];
     charges[40..].fill(0.0);
-    let kernel = from_fn(|x: DVec3, y: DVec3| (x - y).x / x.distance_squared(y)).skip_coincident();
+    let kernel = plain(|x, y| (x - y).x / x.distance_squared(y)).skip_coincident();
     let fmm = Fmm::builder(kernel).tolerance(1e-4).leaf_size(20).build(&sources, &targets).unwrap();
     let values = fmm.apply(&charges).unwrap();
     let exact = direct(&kernel, &sources, &charges, &targets);

@@ -13,3 +13,17 @@ mod lists;
 mod moments;
 mod radiosity;
 mod translation_theorems;
+
+use farfield::{FnKernel, from_fn};
+use glam::{DVec3, Vec3};
+
+/// A formula as a function pointer, so that all kernels given by one are compiled once.
+type Formula<P, T> = fn(P, P) -> T;
+
+fn plain(formula: Formula<DVec3, f64>) -> FnKernel<Formula<DVec3, f64>, DVec3, f64> {
+    from_fn(formula)
+}
+
+fn single(formula: Formula<Vec3, f32>) -> FnKernel<Formula<Vec3, f32>, Vec3, f32> {
+    from_fn(formula)
+}
