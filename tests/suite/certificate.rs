@@ -2,7 +2,7 @@
 
 use farfield::{
     CellView, Certificate, Coverage, Error, Fmm, Kernel, Mask, Sampling, Scheme, direct,
-    direct_masked, relative_l2_error,
+    direct_masked, from_fn, relative_l2_error,
 };
 use glam::{DVec3, Vec3};
 
@@ -29,7 +29,7 @@ fn inverse(x: DVec3, y: DVec3) -> f64 {
 #[test]
 fn the_bound_holds_in_a_thousand_trials_and_is_tight() {
     const POINTS: usize = 1600;
-    let kernel = plain(inverse).skip_coincident();
+    let kernel = from_fn(inverse).skip_coincident();
     let (mut missed, mut ratios, mut squares) = (0, Vec::new(), 0.0);
     for (seed, tolerance) in (0..).zip([1e-2, 1e-3, 1e-4, 1e-5, 1e-6]) {
         let clouds = [
@@ -74,7 +74,7 @@ fn the_bound_holds_in_a_thousand_trials_and_is_tight() {
 fn more_targets_are_drawn_until_the_bound_is_tight() {
     let points = clouds::plummer(6000, 3);
     let charges = charges(points.len(), 0);
-    let kernel = plain(inverse).skip_coincident();
+    let kernel = from_fn(inverse).skip_coincident();
     let fmm = Fmm::builder(kernel).tolerance(1e-3).leaf_size(30).build(&points, &points).unwrap();
     let plain = fmm.apply(&charges).unwrap();
     let error = relative_l2_error(&plain, &direct(&kernel, &points, &charges, &points));
@@ -129,7 +129,7 @@ impl<K: Kernel<Real = f64>> Mask<K> for SameSide {
 fn masked_pairs_are_left_out_of_the_direct_sums() {
     let (points, targets) = (clouds::cube(1500, 4), clouds::cube(900, 5));
     let charges = charges(points.len(), 1);
-    let kernel = plain(inverse);
+    let kernel = from_fn(inverse);
     for scheme in [Scheme::Fmm, Scheme::Treecode { m2m: true }] {
         let builder = Fmm::builder(kernel).tolerance(1e-4).leaf_size(10).scheme(scheme);
         let fmm = builder.mask(SameSide).build(&points, &targets).unwrap();
@@ -155,7 +155,7 @@ fn shares_that_a_mask_gives_are_what_is_judged() {
         }
     }
     let points = clouds::cube(1000, 6);
-    let builder = Fmm::builder(plain(inverse).skip_coincident()).tolerance(1e-5);
+    let builder = Fmm::builder(from_fn(inverse).skip_coincident()).tolerance(1e-5);
     let fmm = builder.leaf_size(8).mask(Half).build(&points, &points).unwrap();
     let (_, certificate) = fmm.apply_certified(&charges(points.len(), 1)).unwrap();
     assert!((1e-12..1e-5).contains(&certificate.relative_l2), "{certificate:?}");
@@ -165,7 +165,7 @@ fn shares_that_a_mask_gives_are_what_is_judged() {
 fn near_and_far_field_have_their_parts() {
     let points = clouds::cube(1000, 7);
     let charges = charges(points.len(), 0);
-    let kernel = plain(inverse).skip_coincident();
+    let kernel = from_fn(inverse).skip_coincident();
     let certificate = |scheme| {
         let builder = Fmm::builder(kernel).order(3).leaf_size(20).scheme(scheme);
         builder.build(&points, &points).unwrap().apply_certified(&charges).unwrap().1
@@ -217,7 +217,7 @@ fn single_precision_is_judged_in_double_words() {
 
 #[test]
 fn empty_and_vanishing_sums_have_no_error() {
-    let kernel = plain(inverse).skip_coincident();
+    let kernel = from_fn(inverse).skip_coincident();
     let points = clouds::cube(3000, 10);
     let none: [DVec3; 0] = [];
     let certificate = |sources: &[DVec3], targets: &[DVec3]| {
@@ -238,7 +238,7 @@ fn empty_and_vanishing_sums_have_no_error() {
 #[test]
 fn rules_that_cannot_be_followed_are_refused() {
     let points = clouds::cube(10, 11);
-    let fmm = Fmm::builder(plain(inverse).skip_coincident()).build(&points, &points).unwrap();
+    let fmm = Fmm::builder(from_fn(inverse).skip_coincident()).build(&points, &points).unwrap();
     let refused = |sampling: Sampling| match fmm.apply_certified_by(&[1.0; 10], &sampling) {
         Err(Error::InvalidSampling { what, .. }) => what,
         other => panic!("{other:?}"),
