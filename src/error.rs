@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::estimate::Estimate;
+use crate::plan::estimate::Estimate;
 
 /// Which of the two point sets an error speaks of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

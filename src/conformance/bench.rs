@@ -2,9 +2,9 @@
 
 use super::{Samples, Violation};
 use crate::expansion::{ChargeOf, Expansion, RealOf, SourceOf, TargetOf, ValueOf};
-use crate::geometry::{Cell, Cube};
 use crate::kernel::{Outcome, direct, relative_l2_error};
-use crate::real::{Additive, Point, Real, Vector, l2_norm};
+use crate::numbers::real::{Additive, Point, Real, Vector, l2_norm};
+use crate::octree::geometry::{Cell, Cube};
 
 /// Level of the cells between which M2L acts; their children hold the points.
 pub(super) const LEVEL: usize = 4;

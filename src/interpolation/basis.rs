@@ -8,16 +8,16 @@ use std::ops::Range;
 
 use pulp::Simd;
 
-use crate::chebyshev::Chebyshev;
-use crate::dense::{Dense, Matrix, Svd};
 use crate::error::Error;
+use crate::interpolation::chebyshev::Chebyshev;
 use crate::interpolation::far_field::FarField;
 use crate::interpolation::lanes::Padded;
 use crate::interpolation::means::INTERACTION_OFFSETS;
 use crate::interpolation::points::row;
+use crate::interpolation::probe::{Formula, zero};
+use crate::linalg::dense::{Dense, Matrix, Svd};
+use crate::numbers::real::{Point, Real, Scalar};
 use crate::parallel;
-use crate::probe::{Formula, zero};
-use crate::real::{Point, Real, Scalar};
 
 /// Functions on a cell, and the points that determine them.
 #[derive(Debug)]

@@ -6,8 +6,8 @@ use std::sync::{Arc, Mutex};
 
 use crate::interpolation::far_field::FarField;
 use crate::interpolation::operators::{Accuracy, Operators, Sizes};
-use crate::probe::Formula;
-use crate::real::{Real, Scalar};
+use crate::interpolation::probe::Formula;
+use crate::numbers::real::{Real, Scalar};
 
 /// What a kernel is known by: its type, and its values at sample points of every level, so that two
 /// kernels of one type with different parameters are told apart.

@@ -1,13 +1,13 @@
 //! The error of a level's operators, measured between points of its cells.
 
-use crate::dense::Matrix;
 use crate::interpolation::basis::{Basis, product};
 use crate::interpolation::far_field::products;
 use crate::interpolation::level::{LevelOperators, Request};
 use crate::interpolation::means::{Means, corner, facing, interaction_offsets, is_nearest};
+use crate::interpolation::probe::{sample, zero};
+use crate::linalg::dense::Matrix;
+use crate::numbers::real::{Additive, Point, Real, Scalar, Vector};
 use crate::parallel;
-use crate::probe::{sample, zero};
-use crate::real::{Additive, Point, Real, Scalar, Vector};
 
 /// Random points per cell.
 const POINTS: usize = 32;

@@ -3,9 +3,9 @@
 use std::sync::OnceLock;
 use std::time::Instant;
 
-use crate::dense::{Dense, Matrix};
 use crate::interpolation::operators::Accuracy;
-use crate::real::Scalar;
+use crate::linalg::dense::{Dense, Matrix};
+use crate::numbers::real::Scalar;
 
 /// The leaf size at which the direct sums with 27 neighbours cost as much as the translations with 189
 /// far cells, for ranks like those of 1/r at this accuracy.

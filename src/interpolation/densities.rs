@@ -1,10 +1,10 @@
 //! P2M and L2P: from a cell's charges to densities and moments, and from fields to values.
 
-use crate::geometry::Cell;
 use crate::interpolation::Interpolation;
 use crate::interpolation::points::{self, Fields, Moments, Powers, row};
 use crate::kernel::PointKernel;
-use crate::real::{Additive, Columns, Located, Real, Scalar, Vector};
+use crate::numbers::real::{Additive, Columns, Located, Real, Scalar, Vector};
+use crate::octree::geometry::Cell;
 
 /// What P2M and L2P write to in passing.
 pub(super) struct Scratch<K: PointKernel> {

@@ -15,14 +15,14 @@ use std::sync::Arc;
 
 use num_traits::Float;
 
-use crate::dense::Matrix;
 use crate::expansion::OffsetMap;
 use crate::interpolation::basis::{Basis, adjoint};
+use crate::interpolation::probe::{Formula, norm_squared, power_of_two, zero};
 use crate::interpolation::ranges::{Factors, Side};
+use crate::linalg::batched::Batched;
+use crate::linalg::dense::Matrix;
+use crate::numbers::real::{Real, Scalar};
 use crate::parallel;
-use crate::probe::{Formula, norm_squared, power_of_two, zero};
-use crate::products::Batched;
-use crate::real::{Real, Scalar};
 
 /// The bases of cells of one size.
 #[derive(Debug)]

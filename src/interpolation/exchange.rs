@@ -6,8 +6,8 @@ use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use pulp::{Arch, Simd, WithSimd};
 
 use crate::interpolation::directions::Group;
-use crate::probe::zero;
-use crate::real::Scalar;
+use crate::interpolation::probe::zero;
+use crate::numbers::real::Scalar;
 
 /// A pair of cells of one level.
 #[derive(Clone, Copy, Debug, Default)]

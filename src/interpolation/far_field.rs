@@ -2,14 +2,14 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-use crate::chebyshev::{Chebyshev, polynomials};
-use crate::dense::Matrix;
+use crate::interpolation::chebyshev::{Chebyshev, polynomials};
 use crate::interpolation::means::{
     INTERACTION_OFFSETS, Means, corner, facing, interaction_offsets, is_nearest, weight,
 };
+use crate::interpolation::probe::{Formula, PointOf, norm_squared, sample, zero};
+use crate::linalg::dense::Matrix;
+use crate::numbers::real::{Point, Real, Scalar, Vector};
 use crate::parallel;
-use crate::probe::{Formula, PointOf, norm_squared, sample, zero};
-use crate::real::{Point, Real, Scalar, Vector};
 
 /// Far fields smaller than this fraction of what neighbouring cells exchange are held to its level,
 /// not to their own: a kernel that has died out needs no digits.

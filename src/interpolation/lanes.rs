@@ -2,9 +2,9 @@
 
 use pulp::Simd;
 
-use crate::dense::Matrix;
-use crate::probe::zero;
-use crate::real::Scalar;
+use crate::interpolation::probe::zero;
+use crate::linalg::dense::Matrix;
+use crate::numbers::real::Scalar;
 
 /// Numbers that are summed side by side, in registers.
 pub(crate) const LANES: usize = 8;
@@ -119,7 +119,7 @@ mod tests {
             let a = Matrix::from_fn(rows, columns, |i, j| ((3 * i + 7 * j) as f64).sin());
             let x: Vec<f64> = (0..columns).map(|j| (j as f64).cos()).collect();
             let mut y = vec![0.0; rows];
-            crate::dense::Dense::product(&a, &x, false, &mut y);
+            crate::linalg::dense::Dense::product(&a, &x, false, &mut y);
             let got = Arch::new().dispatch(Product(&Padded::new(&a), &x));
             assert!(crate::relative_l2_error(&got, &y) < 1e-15, "{rows} × {columns}");
         }

@@ -2,15 +2,15 @@
 
 use std::sync::Arc;
 
-use crate::chebyshev::Chebyshev;
 use crate::error::Error;
 use crate::interpolation::basis::Spectrum;
+use crate::interpolation::chebyshev::Chebyshev;
 use crate::interpolation::directions::Bases;
 use crate::interpolation::far_field::FarField;
 use crate::interpolation::means::{Means, interaction_offsets};
+use crate::interpolation::probe::{self, Formula, Parities};
 use crate::interpolation::transfer::Transfers;
-use crate::probe::{self, Formula, Parities};
-use crate::real::Scalar;
+use crate::numbers::real::Scalar;
 
 /// Operators between cells of one size.
 #[derive(Debug)]

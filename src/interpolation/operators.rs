@@ -2,17 +2,17 @@
 
 use num_traits::Float;
 
-use crate::chebyshev::Chebyshev;
-use crate::dense::Matrix;
 use crate::error::Error;
 use crate::interpolation::MAX_ORDER;
 use crate::interpolation::basis::{adjoint, product};
+use crate::interpolation::chebyshev::Chebyshev;
 use crate::interpolation::far_field::FarField;
 use crate::interpolation::level::{LevelOperators, Request};
 use crate::interpolation::means::Means;
+use crate::interpolation::probe::{self, Formula};
+use crate::linalg::dense::Matrix;
+use crate::numbers::real::{Real, Scalar};
 use crate::parallel;
-use crate::probe::{self, Formula};
-use crate::real::{Real, Scalar};
 
 /// What decides how much is kept.
 #[derive(Clone, Copy, Debug, PartialEq)]

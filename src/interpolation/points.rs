@@ -8,11 +8,11 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
-use crate::chebyshev::{derivatives_in_lanes, polynomials_in_lanes};
 use crate::interpolation::MAX_ORDER;
 use crate::interpolation::basis::Basis;
+use crate::interpolation::chebyshev::{derivatives_in_lanes, polynomials_in_lanes};
 use crate::interpolation::lanes::{LANES, fuse, multiply_add};
-use crate::real::{Real, Scalar};
+use crate::numbers::real::{Real, Scalar};
 
 /// Points whose products T̂_j(y) T̂_k(z) are kept at once: a multiple of [`LANES`].
 const TOGETHER: usize = 32;
@@ -352,7 +352,7 @@ fn multiply<T: Real>(y: T, z: &[T], to: &mut [T]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::chebyshev::polynomials;
+    use crate::interpolation::chebyshev::polynomials;
     use pulp::Scalar as Plain;
 
     /// Moments of unit densities, then fields and derivatives of `coefficients`.

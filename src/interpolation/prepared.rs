@@ -2,19 +2,19 @@
 
 use std::sync::Arc;
 
-use crate::chebyshev::Chebyshev;
 use crate::error::Error;
 use crate::expansion::Geometry;
 use crate::interpolation::basis::Basis;
 use crate::interpolation::cache::{self, Key};
+use crate::interpolation::chebyshev::Chebyshev;
 use crate::interpolation::far_field::FarField;
 use crate::interpolation::level::LevelOperators;
 use crate::interpolation::means::Means;
 use crate::interpolation::operators::{Accuracy, Operators, Sizes, fewest_nodes};
+use crate::interpolation::probe::{self, Formula};
 use crate::interpolation::shifts::Shift;
 use crate::interpolation::transfer::Transfers;
-use crate::probe::{self, Formula};
-use crate::real::{Real, Scalar};
+use crate::numbers::real::{Real, Scalar};
 
 /// Operators, as far as they can be prepared.
 pub(crate) enum Prepared<S: Scalar> {

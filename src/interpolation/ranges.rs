@@ -5,14 +5,14 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
 
-use crate::dense::{Matrix, Svd};
 use crate::interpolation::basis::{adjoint, product, smallest_kept};
 use crate::interpolation::directions::Bases;
 use crate::interpolation::means::weight;
+use crate::interpolation::probe::{Formula, zero};
+use crate::linalg::dense::{Matrix, Svd};
+use crate::numbers::random::Random;
+use crate::numbers::real::{Point, Real, Scalar, Vector};
 use crate::parallel;
-use crate::probe::{Formula, zero};
-use crate::random::Random;
-use crate::real::{Point, Real, Scalar, Vector};
 
 /// C_o = S X_t G X_sᵀ S for the offsets o of one group: signs S of the reflection that takes the components
 /// of o to their absolute values, and the kernel G between skeletons at that image.
@@ -239,10 +239,10 @@ fn len_without_tail(len: usize, cut: f64, squared: impl Fn(usize) -> f64) -> usi
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::chebyshev::Chebyshev;
     use crate::interpolation::basis::Spectrum;
+    use crate::interpolation::chebyshev::Chebyshev;
     use crate::interpolation::far_field::FarField;
-    use crate::probe::parities;
+    use crate::interpolation::probe::parities;
     use glam::DVec3;
 
     /// The largest ‖C_o − P W_o Qᴴ‖ of the offsets of one direction, relative to the cut-off; the rank.

@@ -1,14 +1,14 @@
 //! M2M and L2L of many cells at once: one matrix product per matrix, whatever the number of cells.
 
-use crate::dense::Matrix;
 use crate::expansion::{Expansion, LevelFamilies};
-use crate::geometry::Cell;
 use crate::interpolation::Interpolation;
 use crate::interpolation::prepared::{Invariant, Prepared};
+use crate::interpolation::probe::zero;
 use crate::kernel::PointKernel;
+use crate::linalg::dense::Matrix;
+use crate::numbers::real::Scalar;
+use crate::octree::geometry::Cell;
 use crate::parallel;
-use crate::probe::zero;
-use crate::real::Scalar;
 
 /// S_to A S_from: a matrix with signs on its columns and rows.
 pub(crate) struct Shift<'a, S: Scalar> {

@@ -9,10 +9,10 @@ use crate::expansion::{LevelPairs, OffsetMap};
 use crate::interpolation::directions::{Bases, Digits, Place, directions};
 use crate::interpolation::exchange::{BLOCK, Coordinates, Exchange, Pair};
 use crate::interpolation::means::{INTERACTION_OFFSETS, interaction_offsets, weight};
+use crate::interpolation::probe::{Formula, power_of_two, zero};
+use crate::numbers::real::{Real, Scalar};
 use crate::parallel;
-use crate::pool::Pool;
-use crate::probe::{Formula, power_of_two, zero};
-use crate::real::{Real, Scalar};
+use crate::parallel::pool::Pool;
 
 /// The M2L operators of cells of one size.
 #[derive(Debug)]
@@ -344,10 +344,10 @@ fn near_index(offset: [i32; 3]) -> Option<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::chebyshev::Chebyshev;
-    use crate::geometry::{Cell, Cube};
     use crate::interpolation::basis::Spectrum;
+    use crate::interpolation::chebyshev::Chebyshev;
     use crate::interpolation::far_field::FarField;
+    use crate::octree::geometry::{Cell, Cube};
     use glam::DVec3;
     use std::sync::Arc;
 

@@ -1,0 +1,4 @@
+//! Small dense matrices and their products.
+
+pub(crate) mod batched;
+pub(crate) mod dense;

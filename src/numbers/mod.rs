@@ -1,0 +1,5 @@
+//! Numbers and points: the precisions, what charges and terms can do, random numbers, exact sums.
+
+pub(crate) mod double_word;
+pub(crate) mod random;
+pub(crate) mod real;
