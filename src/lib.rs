@@ -60,7 +60,8 @@ pub use expansion::{
     ChargeOf, Expansion, Geometry, Level, LevelFamilies, LevelPairs, OffsetMap, RealOf, SourceOf,
     TargetOf, ValueOf,
 };
-pub use interpolation::{Interpolation, MAX_ORDER};
+pub use interpolation::black_box::Interpolation;
+pub use interpolation::tuning::MAX_ORDER;
 pub use kernel::mask::{CellView, Coverage, Mask, Unmasked, direct_masked};
 pub use kernel::{FnKernel, Kernel, Outcome, PointKernel, direct, from_fn, relative_l2_error};
 pub use numbers::real::{Additive, Columns, Linear, Located, Point, Real, Scalar, Vector};

@@ -7,8 +7,8 @@ use std::collections::HashMap;
 
 use num_traits::Float;
 
-use crate::certificate::reference::{Judge, Judgement};
-use crate::certificate::sampling::{Sampling, Urn, upper_mean};
+use crate::certificate::reference::{Reference, ReferenceSum};
+use crate::certificate::sampling::{Sampling, WeightedTargets, upper_mean};
 use crate::error::Error;
 use crate::expansion::{ChargeOf, Expansion, RealOf, ValueOf};
 use crate::numbers::random::Random;
@@ -106,8 +106,8 @@ impl<E: Expansion> Fmm<E> {
             let far = self.plan.run_parted(charges, workspace);
             let values = self.plan.in_callers_order(workspace);
             check_values(&values)?;
-            let judge = Judge { plan: &self.plan, charges: &workspace.charges };
-            let sample = Sample::new(judge, &workspace.values, &far);
+            let reference = Reference { plan: &self.plan, charges: &workspace.charges };
+            let sample = Sample::new(reference, &workspace.values, &far);
             Ok((values, sample.certificate(sampling)?))
         })
     }
@@ -119,7 +119,7 @@ const FIRST: usize = 512;
 
 /// An application and its errors at the targets looked at; places are those of tree order.
 struct Sample<'a, E: Expansion> {
-    judge: Judge<'a, E>,
+    reference: Reference<'a, E>,
     values: &'a [ValueOf<E>],
     far: &'a [ValueOf<E>],
     /// ‖v‖ over all values.
@@ -127,7 +127,7 @@ struct Sample<'a, E: Expansion> {
     /// What magnitudes are counted in, so that their squares stay in the range of numbers: the norm, or
     /// 1 where that is zero.
     unit: f64,
-    urn: Urn,
+    weighted: WeightedTargets,
     known: HashMap<usize, Squares>,
 }
 
@@ -152,7 +152,7 @@ impl Squares {
 }
 
 impl<'a, E: Expansion> Sample<'a, E> {
-    fn new(judge: Judge<'a, E>, values: &'a [ValueOf<E>], far: &'a [ValueOf<E>]) -> Self {
+    fn new(reference: Reference<'a, E>, values: &'a [ValueOf<E>], far: &'a [ValueOf<E>]) -> Self {
         let norm = l2_norm(values.iter().copied());
         let unit = if norm > 0.0 { norm } else { 1.0 };
         let squares: Vec<[f64; 2]> = parallel::map(values.len(), &|i| {
@@ -160,7 +160,15 @@ impl<'a, E: Expansion> Sample<'a, E> {
             near.subtract(&far[i]);
             [near, far[i]].map(|part| (part.norm() / unit).powi(2))
         });
-        Self { judge, values, far, norm, unit, urn: Urn::new(&squares), known: HashMap::new() }
+        Self {
+            reference,
+            values,
+            far,
+            norm,
+            unit,
+            weighted: WeightedTargets::new(&squares),
+            known: HashMap::new(),
+        }
     }
 
     fn certificate(mut self, sampling: &Sampling) -> Result<Certificate, Error> {
@@ -175,7 +183,7 @@ impl<'a, E: Expansion> Sample<'a, E> {
             if targets <= max.min(2 * size) {
                 return self.complete();
             }
-            draws.extend(self.urn.draw(size - draws.len(), &mut random));
+            draws.extend(self.weighted.draw(size - draws.len(), &mut random));
             self.look_at(&draws)?;
             let certificate = self.bounded(&draws, risk, sampling.confidence);
             let Certificate { relative_l2, estimate, .. } = certificate;
@@ -192,24 +200,21 @@ impl<'a, E: Expansion> Sample<'a, E> {
             targets.iter().copied().filter(|t| !self.known.contains_key(t)).collect();
         new.sort_unstable();
         new.dedup();
-        for (&t, judgement) in new.iter().zip(self.judge.sums(&new)) {
-            if !judgement.all.high.is_finite() {
-                let index = self.judge.plan.target_tree.shape.order[t] as usize;
-                return Err(Error::NonFiniteValue {
-                    index,
-                    value: format!("{:?}", judgement.all.high),
-                });
+        for (&t, sum) in new.iter().zip(self.reference.sums(&new)) {
+            if !sum.all.high.is_finite() {
+                let index = self.reference.plan.target_tree.shape.order[t] as usize;
+                return Err(Error::NonFiniteValue { index, value: format!("{:?}", sum.all.high) });
             }
-            self.known.insert(t, self.squares(t, &judgement));
+            self.known.insert(t, self.squares(t, &sum));
         }
         Ok(())
     }
 
     /// What is known about the target at place `t`.
-    fn squares(&self, t: usize, judgement: &Judgement<ValueOf<E>>) -> Squares {
-        let error = judgement.all.subtracted_from(&self.values[t]);
-        let mut exact_far = judgement.all;
-        exact_far.subtract(&judgement.near);
+    fn squares(&self, t: usize, sum: &ReferenceSum<ValueOf<E>>) -> Squares {
+        let error = sum.all.subtracted_from(&self.values[t]);
+        let mut exact_far = sum.all;
+        exact_far.subtract(&sum.near);
         let far_error = exact_far.subtracted_from(&self.far[t]);
         let mut near_error = error;
         near_error.subtract(&far_error);
@@ -218,8 +223,8 @@ impl<'a, E: Expansion> Sample<'a, E> {
             error: squared(error.norm()),
             near: squared(near_error.norm()),
             far: squared(far_error.norm()),
-            absolute: squared(judgement.absolute),
-            exact: squared(judgement.all.high.norm()),
+            absolute: squared(sum.absolute),
+            exact: squared(sum.all.high.norm()),
         }
     }
 
@@ -237,7 +242,7 @@ impl<'a, E: Expansion> Sample<'a, E> {
 
     /// The certificate from independent draws, wrong with a probability of `risk`.
     fn bounded(&self, draws: &[usize], risk: f64, confidence: f64) -> Certificate {
-        let weighed = |&t: &usize| (1.0 / self.urn.probability(t), &self.known[&t]);
+        let weighed = |&t: &usize| (1.0 / self.weighted.probability(t), &self.known[&t]);
         let mut mean = Squares::default();
         let share = 1.0 / draws.len() as f64;
         draws.iter().map(weighed).for_each(|(weight, at)| mean.add(share * weight, at));
@@ -266,7 +271,8 @@ impl<'a, E: Expansion> Sample<'a, E> {
         let targets = self.values.len();
         let unit_round_off = 0.5 * <RealOf<E> as Float>::epsilon().as_f64();
         let absolute = totals.absolute.sqrt();
-        let round_off = 2.0 * self.judge.charges.len() as f64 * unit_round_off.powi(2) * absolute;
+        let round_off =
+            2.0 * self.reference.charges.len() as f64 * unit_round_off.powi(2) * absolute;
         let largest = self.known.values().map(|at| at.error).fold(0.0, f64::max);
         Certificate {
             relative_l2: bound(upper.sqrt() + round_off),

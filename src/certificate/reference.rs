@@ -3,8 +3,9 @@
 use std::ops::Range;
 
 use crate::expansion::{ChargeOf, Expansion, RealOf, TargetOf, ValueOf};
-use crate::interaction::lists::{ALL, for_each_set_bit};
+use crate::interaction::lists::ALL;
 use crate::kernel::Kernel;
+use crate::numbers::bits::for_each_set_bit;
 use crate::numbers::double_word::DoubleWord;
 use crate::numbers::real::{Additive, Linear, Real};
 use crate::parallel;
@@ -12,7 +13,7 @@ use crate::plan::Plan;
 
 /// Sums the pairs of a plan one by one: those that its lists hold, so that a mask need not be asked
 /// again.
-pub(crate) struct Judge<'a, E: Expansion> {
+pub(crate) struct Reference<'a, E: Expansion> {
     pub(crate) plan: &'a Plan<E>,
     /// Charges in tree order.
     pub(crate) charges: &'a [ChargeOf<E>],
@@ -20,7 +21,7 @@ pub(crate) struct Judge<'a, E: Expansion> {
 
 /// The sum at a target.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Judgement<V> {
+pub(crate) struct ReferenceSum<V> {
     /// Over the pairs that the plan sums directly.
     pub(crate) near: DoubleWord<V>,
     /// Over all pairs.
@@ -35,25 +36,25 @@ const BLOCK: usize = 64;
 /// Sources per task.
 const SECTION: usize = 1 << 14;
 
-impl<E: Expansion> Judge<'_, E> {
+impl<E: Expansion> Reference<'_, E> {
     /// The sums at targets that are given by their places in tree order. Each K(x, y) q is rounded as
     /// the kernel rounds it; their sum is off by at most 2 N u² Σ_j ‖K(x, y_j) q_j‖ for N sources and
     /// unit round-off u. O(N) per target.
-    pub(crate) fn sums(&self, targets: &[usize]) -> Vec<Judgement<ValueOf<E>>> {
-        let mut judgements = parallel::map(targets.len(), &|i| self.listed(targets[i]));
-        let whole = |&i: &usize| judgements[i].1;
+    pub(crate) fn sums(&self, targets: &[usize]) -> Vec<ReferenceSum<ValueOf<E>>> {
+        let mut sums = parallel::map(targets.len(), &|i| self.listed(targets[i]));
+        let whole = |&i: &usize| sums[i].1;
         let whole: Vec<usize> = (0..targets.len()).filter(whole).collect();
         let xs: Vec<TargetOf<E>> =
             whole.iter().map(|&i| self.plan.targets[targets[i]].clone()).collect();
         for (&i, (all, absolute)) in whole.iter().zip(self.over_all_sources(&xs)) {
-            judgements[i].0 = Judgement { all, absolute, ..judgements[i].0 };
+            sums[i].0 = ReferenceSum { all, absolute, ..sums[i].0 };
         }
-        judgements.into_iter().map(|(judgement, _)| judgement).collect()
+        sums.into_iter().map(|(sum, _)| sum).collect()
     }
 
     /// The sum over the pairs in the lists of a target; or only its near part, and true, if every source
     /// counts in full.
-    fn listed(&self, target: usize) -> (Judgement<ValueOf<E>>, bool) {
+    fn listed(&self, target: usize) -> (ReferenceSum<ValueOf<E>>, bool) {
         let Plan { lists, source_tree, target_tree, .. } = self.plan;
         let nodes = &target_tree.shape.nodes;
         let leaves = &target_tree.shape.leaves;
@@ -98,7 +99,7 @@ impl<E: Expansion> Judge<'_, E> {
             }
         }
         let (all, absolute) = (sums.values[0], sums.absolute[0]);
-        (Judgement { near, all, absolute }, whole)
+        (ReferenceSum { near, all, absolute }, whole)
     }
 
     /// The sums over all sources at `xs`, and those of the pairs' magnitudes.

@@ -48,12 +48,12 @@ impl Sampling {
 
 /// Targets with the probabilities that they are drawn with.
 #[derive(Clone, Debug)]
-pub(crate) struct Urn {
+pub(crate) struct WeightedTargets {
     /// The probability of drawing each target or one before it.
     cumulative: Vec<f64>,
 }
 
-impl Urn {
+impl WeightedTargets {
     /// Targets that are drawn by a mean of equal shares and of shares of each of two weights.
     pub(crate) fn new(weights: &[[f64; 2]]) -> Self {
         let totals: [f64; 2] = std::array::from_fn(|k| weights.iter().map(|w| w[k]).sum());
@@ -116,9 +116,9 @@ mod tests {
         let mut ratios: Vec<f64> = (0..1000)
             .map(|_| {
                 let all: Vec<f64> = (0..3000).map(|_| population(&mut random)).collect();
-                let urn = Urn::new(&vec![[0.0; 2]; all.len()]);
+                let weighted = WeightedTargets::new(&vec![[0.0; 2]; all.len()]);
                 let draws: Vec<f64> =
-                    urn.draw(512, &mut random).into_iter().map(|i| all[i]).collect();
+                    weighted.draw(512, &mut random).into_iter().map(|i| all[i]).collect();
                 let mean = all.iter().sum::<f64>() / all.len() as f64;
                 (upper_mean(&draws, 0.01) / mean).sqrt()
             })
@@ -151,17 +151,17 @@ mod tests {
     #[test]
     fn draws_follow_their_probabilities() {
         let weights: Vec<[f64; 2]> = (0..100).map(|i| [f64::from(i), 0.0]).collect();
-        let urn = Urn::new(&weights);
-        let total: f64 = (0..100).map(|i| urn.probability(i)).sum();
+        let weighted = WeightedTargets::new(&weights);
+        let total: f64 = (0..100).map(|i| weighted.probability(i)).sum();
         assert!((total - 1.0).abs() < 1e-12);
         let mut counts = [0.0; 100];
         let draws = 100_000;
-        urn.draw(draws, &mut Random::new(1)).into_iter().for_each(|i| counts[i] += 1.0);
+        weighted.draw(draws, &mut Random::new(1)).into_iter().for_each(|i| counts[i] += 1.0);
         for (i, count) in counts.into_iter().enumerate() {
             let expected = draws as f64 * (0.005 + 0.5 * i as f64 / 4950.0);
             assert!((count - expected).abs() <= 2.0, "{i}: {count} of {expected}");
         }
-        let vast = Urn::new(&[[f64::INFINITY, 1.0], [1.0, 1.0]]);
+        let vast = WeightedTargets::new(&[[f64::INFINITY, 1.0], [1.0, 1.0]]);
         assert_eq!(vast.probability(0), 0.5);
     }
 }

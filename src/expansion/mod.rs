@@ -7,6 +7,7 @@ use crate::kernel::{Kernel, Outcome};
 use crate::numbers::real::{Additive, Real};
 use crate::octree::geometry::{Cell, Cube};
 use crate::octree::shape::Node;
+use crate::octree::tree::Tree;
 use crate::parallel;
 
 /// A kernel's far field in five operators.
@@ -262,7 +263,21 @@ pub struct LevelFamilies<'a, T: Real> {
     pub(crate) expanded: &'a [bool],
 }
 
-impl<T: Real> LevelFamilies<'_, T> {
+impl<'a, T: Real> LevelFamilies<'a, T> {
+    /// The cells of `level` and of the next; `expanded` says for every cell of the tree whether it has an
+    /// expansion.
+    pub(crate) fn new(tree: &'a Tree<T>, level: usize, expanded: &'a [bool]) -> Self {
+        let [parents, children] = [tree.shape.level(level), tree.shape.level(level + 1)];
+        Self {
+            level,
+            parents: &tree.cells[parents.clone()],
+            children: &tree.cells[children.clone()],
+            nodes: &tree.shape.nodes,
+            first_parent: parents.start,
+            first_child: children.start,
+            expanded,
+        }
+    }
     /// Indices into `children` of the cells that `parents[p]` exchanges terms with: none if it has no
     /// children or no expansion.
     pub fn children_of(&self, p: usize) -> Range<usize> {

@@ -3,9 +3,10 @@
 
 use rayon::prelude::*;
 
-use crate::interaction::lists::{ALL, Lists, NONE, for_each_set_bit, rebuilt};
+use crate::interaction::lists::{ALL, Lists, NONE, rebuilt};
 use crate::kernel::Kernel;
 use crate::kernel::mask::{CellView, Coverage, Mask};
+use crate::numbers::bits::for_each_set_bit;
 use crate::numbers::real::Located;
 use crate::octree::tree::Tree;
 use crate::parallel;
@@ -29,19 +30,19 @@ pub(crate) enum Answer {
 }
 
 /// A mask, and what it is shown.
-pub(crate) struct Viewing<'a, K: Kernel, M> {
+pub(crate) struct PointMask<'a, K: Kernel, M> {
     pub(crate) mask: &'a M,
-    pub(crate) targets: Side<'a, K::Target>,
-    pub(crate) sources: Side<'a, K::Source>,
+    pub(crate) targets: TreePoints<'a, K::Target>,
+    pub(crate) sources: TreePoints<'a, K::Source>,
 }
 
 /// One set of points with its tree, the points in tree order.
-pub(crate) struct Side<'a, P: Located> {
+pub(crate) struct TreePoints<'a, P: Located> {
     pub(crate) tree: &'a Tree<P::Real>,
     pub(crate) points: &'a [P],
 }
 
-impl<'a, P: Located> Side<'a, P> {
+impl<'a, P: Located> TreePoints<'a, P> {
     fn view(&self, cell: u32) -> CellView<'a, P> {
         let cell = cell as usize;
         let points = self.tree.shape.nodes[cell].points();
@@ -49,7 +50,7 @@ impl<'a, P: Located> Side<'a, P> {
     }
 }
 
-impl<K: Kernel, M: Mask<K>> CellMask for Viewing<'_, K, M> {
+impl<K: Kernel, M: Mask<K>> CellMask for PointMask<'_, K, M> {
     fn cells(&self, target: u32, source: u32) -> Coverage {
         self.mask.cells(self.targets.view(target), self.sources.view(source))
     }

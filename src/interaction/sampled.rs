@@ -7,7 +7,7 @@ use crate::parallel;
 
 /// What the target cells of a level would find, extrapolated from some of them.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Survey {
+pub(crate) struct ListSample {
     /// Pairs of cells by M2L.
     pub(crate) m2l: f64,
     /// Pairs of cells by M2P and by P2L.
@@ -31,7 +31,7 @@ impl<T: Real> Traversal<'_, T> {
     /// Surveys every level of the target tree, and tells which share of the work of finding all lists
     /// that is. M2P at a target and P2L of a source are taken to cost as much as `m2p_pairs` pairs summed
     /// directly. O(levels²), whatever the number of points.
-    pub(crate) fn survey(&self, m2p_pairs: usize) -> (Vec<Survey>, f64) {
+    pub(crate) fn sample_lists(&self, m2p_pairs: usize) -> (Vec<ListSample>, f64) {
         let shape = &self.targets.shape;
         let level = |level: usize| {
             let cells = shape.level(level);
@@ -39,8 +39,9 @@ impl<T: Real> Traversal<'_, T> {
             // From the middle of as many stretches of the level.
             let sampled = |k: usize| cells.start + (2 * k + 1) * cells.len() / (2 * count);
             let share = cells.len() as f64 / count as f64;
-            let found: Vec<Survey> = parallel::map(count, &|k| self.look(sampled(k), m2p_pairs));
-            found.iter().fold(Survey::default(), |sum, cell| sum.with(share, cell))
+            let found: Vec<ListSample> =
+                parallel::map(count, &|k| self.sample_cell(sampled(k), m2p_pairs));
+            found.iter().fold(ListSample::default(), |sum, cell| sum.with(share, cell))
         };
         // A cell is visited after all above it.
         let visits = |level: usize| shape.level(level).len().min(CELLS) * (level + 1);
@@ -50,7 +51,7 @@ impl<T: Real> Traversal<'_, T> {
     }
 
     /// What one target cell would find.
-    fn look(&self, t: usize, m2p_pairs: usize) -> Survey {
+    fn sample_cell(&self, t: usize, m2p_pairs: usize) -> ListSample {
         let nodes = &self.targets.shape.nodes;
         let mut path: Vec<usize> = self.targets.shape.path_to_root(t).collect();
         path.reverse();
@@ -85,7 +86,7 @@ impl<T: Real> Traversal<'_, T> {
             }
         }
         let by_m2p = |s: &u32| count(s).min(m2p_pairs) as f64;
-        Survey {
+        ListSample {
             m2l: (found.m2l.items.len() + found.weighed.items.len()) as f64,
             m2p_p2l: (found.m2p.items.len() + found.p2l.items.len()) as f64,
             runs: found.near.items.len() as f64,
@@ -97,7 +98,7 @@ impl<T: Real> Traversal<'_, T> {
     }
 }
 
-impl Survey {
+impl ListSample {
     /// The sum of `self` and `share` times `other`.
     pub(crate) fn with(self, share: f64, other: &Self) -> Self {
         Self {

@@ -1,7 +1,7 @@
 //! M2L, M2P and P2L through the kernel itself, between skeleton points: for offsets that no operator
 //! was built for, and for kernels that are not translation invariant.
 
-use crate::interpolation::Interpolation;
+use crate::interpolation::black_box::Interpolation;
 use crate::interpolation::prepared::Prepared;
 use crate::interpolation::probe::zero;
 use crate::kernel::{Outcome, PointKernel};

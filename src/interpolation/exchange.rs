@@ -7,6 +7,7 @@ use pulp::{Arch, Simd, WithSimd};
 
 use crate::interpolation::directions::Group;
 use crate::interpolation::probe::zero;
+use crate::interpolation::tuning::EXCHANGE_BLOCK;
 use crate::numbers::real::Scalar;
 
 /// A pair of cells of one level.
@@ -18,9 +19,6 @@ pub(crate) struct Pair {
     /// Its core, counted over all directions.
     pub(crate) core: u32,
 }
-
-/// Sources whose coordinates are computed together.
-pub(crate) const BLOCK: usize = 128;
 
 /// The coordinates of all sources in one precision. Those of a block's sources in the directions of one
 /// group stand together, source after source and direction after direction.
@@ -118,7 +116,7 @@ impl<R: Scalar> Exchange<R> {
             for pair in pairs {
                 let (s, t) = (pair.source as usize, usize::from(pair.target));
                 receives[t] = true;
-                let y = s / BLOCK * sent.block_len + s % BLOCK * columns * y_len;
+                let y = s / EXCHANGE_BLOCK * sent.block_len + s % EXCHANGE_BLOCK * columns * y_len;
                 for c in 0..columns {
                     places.push([y + c * y_len, (t * columns + c) * z_len]);
                 }

@@ -3,7 +3,7 @@
 use pulp::Simd;
 
 use crate::interpolation::probe::zero;
-use crate::linalg::dense::Matrix;
+use crate::linalg::matrix::Matrix;
 use crate::numbers::real::Scalar;
 
 /// Numbers that are summed side by side, in registers.
@@ -21,6 +21,11 @@ pub(crate) fn fuse<V: Simd, S: Scalar>(a: &[S; LANES], b: &[S; LANES], sum: &mut
     for ((sum, &a), &b) in sum.iter_mut().zip(a).zip(b) {
         *sum = multiply_add::<V, S>(a, b, *sum);
     }
+}
+
+/// The length of a padded row of n² coefficients.
+pub(crate) fn row(n: usize) -> usize {
+    (n * n).next_multiple_of(LANES)
 }
 
 /// A matrix whose columns are filled up with zeros to whole registers: for products with one vector.

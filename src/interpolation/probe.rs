@@ -2,6 +2,7 @@
 
 use num_traits::Float;
 
+use crate::interpolation::tuning::PROBE_PAIRS;
 use crate::numbers::real::{Additive, Point, Real, Scalar, Vector, l2_norm};
 use crate::octree::geometry::Cube;
 
@@ -80,9 +81,6 @@ impl<'a, S: Scalar> Formula<'a, S> {
     }
 }
 
-/// Sample pairs per question.
-const SAMPLES: usize = 12;
-
 /// Whether K(x + s, y + s) = K(x, y) to round-off for sample pairs and shifts within `root`.
 pub(crate) fn translation_invariant<S: Scalar>(
     kernel: &Formula<'_, S>,
@@ -90,7 +88,7 @@ pub(crate) fn translation_invariant<S: Scalar>(
 ) -> bool {
     let h = root.half_width();
     let tolerance = <S::Real as Float>::epsilon().as_f64().sqrt();
-    (0..SAMPLES).all(|i| {
+    (0..PROBE_PAIRS).all(|i| {
         let [x, y, shift] = [3 * i, 3 * i + 1, 3 * i + 2].map(|k| sample::<S::Real>(k) * h);
         let (x, y) = (root.centre() + x, root.centre() + y);
         agree(&kernel.at(x, y), &kernel.at(x + shift, y + shift), tolerance)
@@ -121,7 +119,7 @@ pub(crate) fn homogeneity<S: Scalar>(
             agree(&scaled, &entries(i, to), round_off::<S>())
         })
     };
-    (degree.is_finite() && (0..SAMPLES).all(holds)).then_some(degree)
+    (degree.is_finite() && (0..PROBE_PAIRS).all(holds)).then_some(degree)
 }
 
 /// Whether G(x, y) = G(y, x)ᵀ to round-off for sample pairs. Assumes translation invariance.
@@ -250,7 +248,7 @@ pub(crate) fn power_of_two<T: Real>(size: T) -> T {
 /// Differences between points of well-separated cells.
 fn differences<S: Scalar>(half_width: S::Real) -> impl Iterator<Item = PointOf<S>> {
     let far = PointOf::<S>::from_array([5.0, -3.0, 4.0].map(S::Real::from_f64));
-    (0..SAMPLES).map(move |i| {
+    (0..PROBE_PAIRS).map(move |i| {
         let signs: [f64; 3] = std::array::from_fn(|k| if i >> k & 1 == 0 { 1.0 } else { -1.0 });
         let d = (far + sample::<S::Real>(i)).to_array();
         let d: [S::Real; 3] = std::array::from_fn(|k| d[k] * S::Real::from_f64(signs[k]));

@@ -1,4 +1,4 @@
-//! Kernels: what is summed; and direct summation, the judge of everything else.
+//! Kernels: what is summed; and direct summation, the reference of everything else.
 
 pub(crate) mod mask;
 pub(crate) mod pair_loop;
@@ -6,8 +6,8 @@ pub(crate) mod pair_loop;
 use std::fmt;
 use std::marker::PhantomData;
 
-use crate::interaction::lists::for_each_set_bit;
 use crate::kernel::pair_loop::PairLoop;
+use crate::numbers::bits::for_each_set_bit;
 use crate::numbers::real::{Additive, Columns, Linear, Located, Point, Real, Scalar, l2_norm};
 use crate::parallel;
 
@@ -47,7 +47,8 @@ pub trait Kernel: Send + Sync {
         _tolerance: f64,
         us: &mut [Self::Value],
     ) {
-        PairLoop { kernel: self, xs, ys, qs, us }.run();
+        let add = |x: &_, y: &_, q: &_, u: &mut _| self.add(x, y, q, u);
+        PairLoop { add, xs, ys, qs, us }.run();
     }
 
     /// Adds K(x_i, y_j) q_j to `us[i]` for the pairs of a block whose bit is set: bit i·n + j, counted

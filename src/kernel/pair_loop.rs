@@ -2,22 +2,24 @@
 
 use pulp::{Simd, WithSimd};
 
-use crate::kernel::Kernel;
-
-/// `us[i]` += Σ_j K(x_i, y_j) q_j, each pair by [`Kernel::add`], with the same bits as the plain
-/// double loop.
+/// `us[i]` += Σ_j K(x_i, y_j) q_j, each pair by `add`, with the same bits as the plain double loop.
 ///
 /// A build for any x86-64 processor may use SSE2 only. Here the loop, with whatever `add` inlines
 /// into it, is compiled a second time for AVX2 and FMA, and the machine chooses.
-pub(crate) struct PairLoop<'a, K: Kernel + ?Sized> {
-    pub(crate) kernel: &'a K,
-    pub(crate) xs: &'a [K::Target],
-    pub(crate) ys: &'a [K::Source],
-    pub(crate) qs: &'a [K::Charge],
-    pub(crate) us: &'a mut [K::Value],
+pub(crate) struct PairLoop<'a, F, X, Y, Q, U> {
+    /// Adds one pair's contribution: `add(x, y, q, u)`.
+    pub(crate) add: F,
+    pub(crate) xs: &'a [X],
+    pub(crate) ys: &'a [Y],
+    pub(crate) qs: &'a [Q],
+    pub(crate) us: &'a mut [U],
 }
 
-impl<K: Kernel + ?Sized> PairLoop<'_, K> {
+impl<F, X, Y, Q, U> PairLoop<'_, F, X, Y, Q, U>
+where
+    F: Fn(&X, &Y, &Q, &mut U),
+    U: Copy,
+{
     pub(crate) fn run(self) {
         // AVX-512 brings a formula nothing: the divider is no faster per number, and a call of a
         // scalar function such as `exp` from a loop in 512-bit registers costs a third of the speed.
@@ -32,29 +34,33 @@ impl<K: Kernel + ?Sized> PairLoop<'_, K> {
     }
 }
 
-impl<K: Kernel + ?Sized> WithSimd for PairLoop<'_, K> {
+impl<F, X, Y, Q, U> WithSimd for PairLoop<'_, F, X, Y, Q, U>
+where
+    F: Fn(&X, &Y, &Q, &mut U),
+    U: Copy,
+{
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _simd: S) {
-        let Self { kernel, xs, ys, qs, us } = self;
+        let Self { add, xs, ys, qs, us } = self;
         let ragged = xs.len() % LANES;
         if ragged > 0 {
             if let (Some(x), Some(u)) = (xs.first_chunk(), us.first_chunk_mut()) {
                 // The lanes beyond the ragged ones belong to targets that come again below.
-                let sums = side_by_side(kernel, x, ys, qs, *u);
+                let sums = side_by_side(&add, x, ys, qs, *u);
                 u[..ragged].copy_from_slice(&sums[..ragged]);
             } else {
                 for (x, u) in xs.iter().zip(&mut *us) {
                     for (y, q) in ys.iter().zip(qs) {
-                        kernel.add(x, y, q, u);
+                        add(x, y, q, u);
                     }
                 }
             }
         }
         let (xs, us) = (xs[ragged..].as_chunks().0, us[ragged..].as_chunks_mut().0);
         for (x, u) in xs.iter().zip(us) {
-            *u = side_by_side(kernel, x, ys, qs, *u);
+            *u = side_by_side(&add, x, ys, qs, *u);
         }
     }
 }
@@ -63,16 +69,16 @@ impl<K: Kernel + ?Sized> WithSimd for PairLoop<'_, K> {
 const LANES: usize = 8;
 
 #[inline(always)]
-fn side_by_side<K: Kernel + ?Sized>(
-    kernel: &K,
-    xs: &[K::Target; LANES],
-    ys: &[K::Source],
-    qs: &[K::Charge],
-    mut us: [K::Value; LANES],
-) -> [K::Value; LANES] {
+fn side_by_side<X, Y, Q, U: Copy>(
+    add: &impl Fn(&X, &Y, &Q, &mut U),
+    xs: &[X; LANES],
+    ys: &[Y],
+    qs: &[Q],
+    mut us: [U; LANES],
+) -> [U; LANES] {
     for (y, q) in ys.iter().zip(qs) {
         for (x, u) in xs.iter().zip(&mut us) {
-            kernel.add(x, y, q, u);
+            add(x, y, q, u);
         }
     }
     us
@@ -81,7 +87,7 @@ fn side_by_side<K: Kernel + ?Sized>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kernel::from_fn;
+    use crate::kernel::{Kernel, from_fn};
     use crate::numbers::real::Additive;
     use glam::DVec3;
     use num_complex::Complex;
@@ -106,9 +112,10 @@ mod tests {
                 let mut best = vec![K::Value::zero(); n];
                 let mut portable = best.clone();
                 for _ in 0..2 {
-                    PairLoop { kernel, xs, ys, qs, us: &mut best }.run();
+                    let add = |x: &_, y: &_, q: &_, u: &mut _| kernel.add(x, y, q, u);
+                    PairLoop { add, xs, ys, qs, us: &mut best }.run();
                     let us = &mut portable;
-                    Simd::vectorize(pulp::Scalar, PairLoop { kernel, xs, ys, qs, us });
+                    Simd::vectorize(pulp::Scalar, PairLoop { add, xs, ys, qs, us });
                 }
                 assert!(best == plain && portable == plain, "{n} targets, {m} sources");
             }

@@ -7,7 +7,7 @@
 use num_complex::Complex;
 use pulp::{Simd, WithSimd};
 
-use crate::linalg::dense::{Dense, Matrix};
+use crate::linalg::matrix::Matrix;
 
 /// A matrix whose columns are filled up with zeros to whole registers.
 #[derive(Debug)]
@@ -23,7 +23,7 @@ pub struct Batched<S> {
 /// Bytes of the widest registers.
 const REGISTER_BYTES: usize = 64;
 
-impl<S: Dense> Batched<S> {
+impl<S: Copy + Default> Batched<S> {
     pub(crate) fn new(matrix: &Matrix<S>) -> Self {
         let Matrix { rows, columns, .. } = *matrix;
         let height = Self::height_of(rows);
@@ -38,12 +38,6 @@ impl<S: Dense> Batched<S> {
     /// How many rows this many are with those that fill them up.
     pub(crate) fn height_of(rows: usize) -> usize {
         rows.next_multiple_of(REGISTER_BYTES / size_of::<S>())
-    }
-
-    /// y = A x, or y += A x if `add`, for every pair of places [x, y]: where x starts in `from`, and y,
-    /// of `height` entries, in `to`.
-    pub(crate) fn products(&self, places: &[[usize; 2]], add: bool, from: &[S], to: &mut [S]) {
-        S::products(self, places, add, from, to);
     }
 }
 

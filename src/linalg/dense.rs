@@ -8,50 +8,7 @@ use num_complex::Complex;
 use pulp::Arch;
 
 use crate::linalg::batched::{Batched, Products};
-
-/// A matrix, column after column.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Matrix<S> {
-    pub(crate) rows: usize,
-    pub(crate) columns: usize,
-    pub(crate) data: Vec<S>,
-}
-
-impl<S: Copy> Matrix<S> {
-    pub(crate) fn from_fn(
-        rows: usize,
-        columns: usize,
-        mut entry: impl FnMut(usize, usize) -> S,
-    ) -> Self {
-        let mut data = Vec::with_capacity(rows * columns);
-        for j in 0..columns {
-            data.extend((0..rows).map(|i| entry(i, j)));
-        }
-        Self { rows, columns, data }
-    }
-
-    pub(crate) fn at(&self, i: usize, j: usize) -> S {
-        self.data[j * self.rows + i]
-    }
-
-    pub(crate) fn column(&self, j: usize) -> &[S] {
-        &self.data[j * self.rows..][..self.rows]
-    }
-
-    pub(crate) fn transpose(&self) -> Self {
-        Self::from_fn(self.columns, self.rows, |i, j| self.at(j, i))
-    }
-
-    /// Its first `rows` rows and `columns` columns.
-    pub(crate) fn corner(&self, rows: usize, columns: usize) -> Self {
-        Self::from_fn(rows, columns, |i, j| self.at(i, j))
-    }
-
-    pub(crate) fn map<R>(&self, f: impl FnMut(S) -> R) -> Matrix<R> {
-        let data = self.data.iter().copied().map(f).collect();
-        Matrix { rows: self.rows, columns: self.columns, data }
-    }
-}
+use crate::linalg::matrix::Matrix;
 
 /// The left half of a factorisation A = U diag(σ) V^H with orthonormal columns, σ descending.
 pub struct Svd<S> {
@@ -87,6 +44,14 @@ pub trait Dense: Copy + Default + Send + Sync + 'static {
     /// The X that minimises ‖A X − B‖ for a tall A of full rank.
     #[doc(hidden)]
     fn least_squares(a: &Matrix<Self>, b: &Matrix<Self>) -> Matrix<Self>;
+}
+
+impl<S: Dense> Batched<S> {
+    /// y = A x, or y += A x if `add`, for every pair of places [x, y]: where x starts in `from`, and y,
+    /// of `height` entries, in `to`.
+    pub(crate) fn products(&self, places: &[[usize; 2]], add: bool, from: &[S], to: &mut [S]) {
+        S::products(self, places, add, from, to);
+    }
 }
 
 /// Products in the type itself; factorisations, which are set-up, in its double precision.

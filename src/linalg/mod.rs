@@ -2,3 +2,4 @@
 
 pub(crate) mod batched;
 pub(crate) mod dense;
+pub(crate) mod matrix;

@@ -1,7 +1,6 @@
 //! The adaptive octree over points, and the box around them.
 
 use crate::error::{Error, PointSet};
-use crate::expansion::LevelFamilies;
 use crate::numbers::real::{Additive, Located, Point, Real, Vector};
 use crate::octree::geometry::{Cell, Cube, MAX_LEVEL};
 use crate::octree::morton::{Keyed, coordinates, morton_key};
@@ -35,24 +34,6 @@ impl<T: Real> Tree<T> {
             Cell::new(root, level, coordinates(keys[c] >> shift))
         });
         Self { shape, cells }
-    }
-
-    /// The cells of a level and of the next; `expanded` says for every cell whether it has an expansion.
-    pub(crate) fn families<'a>(
-        &'a self,
-        level: usize,
-        expanded: &'a [bool],
-    ) -> LevelFamilies<'a, T> {
-        let [parents, children] = [self.shape.level(level), self.shape.level(level + 1)];
-        LevelFamilies {
-            level,
-            parents: &self.cells[parents.clone()],
-            children: &self.cells[children.clone()],
-            nodes: &self.shape.nodes,
-            first_parent: parents.start,
-            first_child: children.start,
-            expanded,
-        }
     }
 
     /// Its size in memory.

@@ -9,7 +9,7 @@ use crate::octree::tree::{Bounds, Tree};
 use crate::parallel;
 
 /// Source and target tree on one root cube; one tree if the points are the same in the same order.
-pub(crate) struct Grove<S: Located, X: Located<Real = S::Real>> {
+pub(crate) struct Trees<S: Located, X: Located<Real = S::Real>> {
     pub(crate) root: Cube<S::Real>,
     /// The largest number of points in a leaf that can be split.
     pub(crate) leaf_size: usize,
@@ -21,7 +21,7 @@ pub(crate) struct Grove<S: Located, X: Located<Real = S::Real>> {
     pub(crate) targets: Vec<X>,
 }
 
-impl<S: Located, X: Located<Real = S::Real>> Grove<S, X> {
+impl<S: Located, X: Located<Real = S::Real>> Trees<S, X> {
     /// Sorts the points into cells of at most as many points as `leaf_size` says, which is asked once
     /// the points are known to be finite.
     pub(crate) fn new(

@@ -4,16 +4,16 @@ use std::fmt;
 
 use crate::error::Error;
 use crate::expansion::{Expansion, Geometry, RealOf, SourceOf, TargetOf};
-use crate::interaction::cell_mask::{CellMask, Side, Viewing};
+use crate::interaction::cell_mask::{CellMask, PointMask, TreePoints};
 use crate::interaction::traversal::{Far, Traversal};
-use crate::interpolation::Interpolation;
+use crate::interpolation::black_box::Interpolation;
 use crate::kernel::PointKernel;
 use crate::kernel::mask::{Mask, Unmasked};
-use crate::octree::trees::Grove;
+use crate::octree::trees::Trees;
 use crate::plan::choice::{Candidate, DOUBT, cheapest, correct};
 use crate::plan::estimate::Estimate;
 use crate::plan::fmm::Fmm;
-use crate::plan::forecast::Known;
+use crate::plan::forecast::Forecast;
 use crate::plan::pair_time::pair_seconds;
 use crate::plan::times::{BuildTimes, Clock, Phase, Progress};
 use crate::plan::{Plan, Scheme, levels};
@@ -132,11 +132,11 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
         targets: &[TargetOf<E>],
     ) -> Result<Estimate, Error> {
         let (mut clock, mut tree_seconds) = (Clock::start(), 0.0);
-        let grove = self.grove(sources, targets)?;
+        let trees = self.trees(sources, targets)?;
         clock.lap(&mut tree_seconds);
-        let candidates = self.candidates(&grove, tree_seconds);
+        let candidates = self.candidates(&trees, tree_seconds);
         let (Candidate { scheme, estimate }, _) = cheapest(&self.expansion, &candidates);
-        Ok(estimate.unwrap_or_else(|| self.estimate_of(scheme, &grove, tree_seconds)))
+        Ok(estimate.unwrap_or_else(|| self.estimate_of(scheme, &trees, tree_seconds)))
     }
 
     /// Builds the plan. Empty sets are valid: sums over no sources are zero. If sources and targets
@@ -153,36 +153,36 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
     ) -> Result<Fmm<E>, Error> {
         let (mut clock, mut times) = (Clock::start(), BuildTimes::default());
         self.report(Phase::Tree, 0.0);
-        let mut grove = self.grove(sources, targets)?;
+        let mut trees = self.trees(sources, targets)?;
         self.report(Phase::Tree, 1.0);
         clock.lap(&mut times.tree);
 
         self.report(Phase::Lists, 0.0);
-        let candidates = self.candidates(&grove, times.tree);
+        let candidates = self.candidates(&trees, times.tree);
         loop {
             let (Candidate { scheme, mut estimate }, doubted) =
                 cheapest(&self.expansion, &candidates);
             if let Some(budget) = self.choices.memory_budget {
                 let estimate =
-                    estimate.get_or_insert_with(|| self.estimate_of(scheme, &grove, times.tree));
+                    estimate.get_or_insert_with(|| self.estimate_of(scheme, &trees, times.tree));
                 if estimate.bytes() > budget {
-                    return Err(Error::OverMemoryBudget { budget, estimate: Box::new(*estimate) });
+                    return Err(Error::OverMemoryBudget { budget, needed: estimate.bytes() });
                 }
             }
             clock.lap(&mut times.lists);
-            let mask = self.viewing(&grove);
-            let traversal = self.traversal(scheme, &grove, &mask);
+            let mask = self.cell_mask(&trees);
+            let traversal = self.traversal(scheme, &trees, &mask);
             let lists = traversal.lists(&|fraction| self.report(Phase::Lists, fraction));
             self.report(Phase::Lists, 1.0);
             clock.lap(&mut times.lists);
 
             self.report(Phase::Operators, 0.0);
-            let levels = levels(&lists, &grove.source_tree, &grove.target_tree, scheme);
-            self.expansion.prepare(&Geometry { root: grove.root, levels })?;
+            let levels = levels(&lists, &trees.source_tree, &trees.target_tree, scheme);
+            self.expansion.prepare(&Geometry { root: trees.root, levels })?;
             self.report(Phase::Operators, 1.0);
             clock.lap(&mut times.operators);
 
-            let plan = Plan::new(self.expansion, scheme, grove, lists);
+            let plan = Plan::new(self.expansion, scheme, trees, lists);
             clock.lap(&mut times.lists);
             let right = match &estimate {
                 Some(estimate) if doubted => {
@@ -194,14 +194,14 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
             if right {
                 return Ok(Fmm::new(plan, times, estimate));
             }
-            (self.expansion, grove) = plan.into_parts();
+            (self.expansion, trees) = plan.into_parts();
         }
     }
 
     /// The schemes that may be taken: the one that is given, or any.
     fn candidates(
         &self,
-        grove: &Grove<SourceOf<E>, TargetOf<E>>,
+        trees: &Trees<SourceOf<E>, TargetOf<E>>,
         tree_seconds: f64,
     ) -> Vec<Candidate> {
         let Choices { scheme, leaf_size, masked, .. } = self.choices;
@@ -210,7 +210,7 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
             return vec![Candidate { scheme, estimate: None }];
         }
         let candidate = |scheme| {
-            let estimate = Some(self.estimate_of(scheme, grove, tree_seconds));
+            let estimate = Some(self.estimate_of(scheme, trees, tree_seconds));
             Candidate { scheme, estimate }
         };
         let mut candidates = [Scheme::Fmm, Scheme::Treecode { m2m: true }].map(candidate).to_vec();
@@ -227,22 +227,22 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
     fn estimate_of(
         &self,
         scheme: Scheme,
-        grove: &Grove<SourceOf<E>, TargetOf<E>>,
+        trees: &Trees<SourceOf<E>, TargetOf<E>>,
         tree_seconds: f64,
     ) -> Estimate {
-        let pair_seconds = self.pair_seconds(&grove.sources, &grove.targets);
+        let pair_seconds = self.pair_seconds(&trees.sources, &trees.targets);
         let expansion = &self.expansion;
-        let known = Known { expansion, scheme, grove, pair_seconds, tree_seconds };
-        known.estimate(&self.traversal(scheme, grove, &self.viewing(grove)))
+        let forecast = Forecast { expansion, scheme, trees, pair_seconds, tree_seconds };
+        forecast.estimate(&self.traversal(scheme, trees, &self.cell_mask(trees)))
     }
 
-    fn grove(
+    fn trees(
         &self,
         sources: &[SourceOf<E>],
         targets: &[TargetOf<E>],
-    ) -> Result<Grove<SourceOf<E>, TargetOf<E>>, Error> {
+    ) -> Result<Trees<SourceOf<E>, TargetOf<E>>, Error> {
         let best = || self.expansion.leaf_size(self.pair_seconds(sources, targets));
-        Grove::new(sources, targets, &|| self.choices.leaf_size.unwrap_or_else(best))
+        Trees::new(sources, targets, &|| self.choices.leaf_size.unwrap_or_else(best))
     }
 
     fn pair_seconds(&self, sources: &[SourceOf<E>], targets: &[TargetOf<E>]) -> f64 {
@@ -250,26 +250,26 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
         pair_seconds(kernel, tolerance, sources, targets)
     }
 
-    fn viewing<'b>(
+    fn cell_mask<'b>(
         &'b self,
-        grove: &'b Grove<SourceOf<E>, TargetOf<E>>,
-    ) -> Viewing<'b, E::Kernel, M> {
-        Viewing {
+        trees: &'b Trees<SourceOf<E>, TargetOf<E>>,
+    ) -> PointMask<'b, E::Kernel, M> {
+        PointMask {
             mask: &self.mask,
-            targets: Side { tree: &grove.target_tree, points: &grove.targets },
-            sources: Side { tree: &grove.source_tree, points: &grove.sources },
+            targets: TreePoints { tree: &trees.target_tree, points: &trees.targets },
+            sources: TreePoints { tree: &trees.source_tree, points: &trees.sources },
         }
     }
 
     fn traversal<'b>(
         &self,
         scheme: Scheme,
-        grove: &'b Grove<SourceOf<E>, TargetOf<E>>,
+        trees: &'b Trees<SourceOf<E>, TargetOf<E>>,
         mask: &'b dyn CellMask,
     ) -> Traversal<'b, RealOf<E>> {
         Traversal {
-            targets: &grove.target_tree,
-            sources: &grove.source_tree,
+            targets: &trees.target_tree,
+            sources: &trees.source_tree,
             mask,
             far: match scheme {
                 Scheme::Direct => Far::Nothing,

@@ -86,7 +86,7 @@ fn remembered<R>(ask: impl FnOnce(&mut BTreeMap<Kind, f64>) -> R) -> R {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::interpolation::Interpolation;
+    use crate::interpolation::black_box::Interpolation;
     use crate::{Fmm, from_fn};
     use glam::DVec3;
 

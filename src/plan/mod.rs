@@ -24,7 +24,7 @@ use crate::interaction::lists::{Costs, Lists};
 use crate::numbers::real::{Additive, Real};
 use crate::octree::geometry::Cube;
 use crate::octree::tree::Tree;
-use crate::octree::trees::Grove;
+use crate::octree::trees::Trees;
 use crate::parallel::pool::Pool;
 use crate::plan::layout::{Layout, Parts};
 use crate::plan::near::Gathered;
@@ -85,11 +85,11 @@ impl<E: Expansion> Plan<E> {
     pub(crate) fn new(
         expansion: E,
         scheme: Scheme,
-        grove: Grove<SourceOf<E>, TargetOf<E>>,
+        trees: Trees<SourceOf<E>, TargetOf<E>>,
         mut lists: Lists,
     ) -> Self {
-        let levels = grove.levels();
-        let Grove { root, leaf_size, source_tree, target_tree, sources, targets } = grove;
+        let levels = trees.levels();
+        let Trees { root, leaf_size, source_tree, target_tree, sources, targets } = trees;
         let by_level =
             |of: &dyn Fn(usize) -> usize| -> Vec<usize> { (0..levels).map(of).collect() };
         let costs = Costs {
@@ -122,10 +122,10 @@ impl<E: Expansion> Plan<E> {
     }
 
     /// What another plan can be made of.
-    pub(crate) fn into_parts(self) -> (E, Grove<SourceOf<E>, TargetOf<E>>) {
+    pub(crate) fn into_parts(self) -> (E, Trees<SourceOf<E>, TargetOf<E>>) {
         let Self { expansion, root, leaf_size, source_tree, target_tree, sources, targets, .. } =
             self;
-        (expansion, Grove { root, leaf_size, source_tree, target_tree, sources, targets })
+        (expansion, Trees { root, leaf_size, source_tree, target_tree, sources, targets })
     }
 }
 

@@ -6,7 +6,7 @@
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
-use crate::expansion::{ChargeOf, Expansion, LevelPairs, TargetOf, ValueOf};
+use crate::expansion::{ChargeOf, Expansion, LevelFamilies, LevelPairs, TargetOf, ValueOf};
 use crate::kernel::{Kernel, Outcome};
 use crate::numbers::real::Additive;
 use crate::octree::shape::Shape;
@@ -146,7 +146,7 @@ impl<E: Expansion> Plan<E> {
         let tree = &self.source_tree;
         for level in (1..tree.shape.levels()).rev() {
             let (above, below) = workspace.multipoles.split_at_mut(level);
-            let families = tree.families(level - 1, &self.layout.multipole);
+            let families = LevelFamilies::new(tree, level - 1, &self.layout.multipole);
             let to = &mut above[level - 1];
             let len = self.expansion.multipole_len(level - 1);
             parallel::for_each_piece(to, len, &|p, multipole| {
@@ -192,7 +192,7 @@ impl<E: Expansion> Plan<E> {
         let (sources, targets) = (&self.source_tree, &self.target_tree);
         let (above, tail) = locals.split_at_mut(level);
         if let Some(above) = above.last() {
-            let families = targets.families(level - 1, &self.layout.local);
+            let families = LevelFamilies::new(targets, level - 1, &self.layout.local);
             self.expansion.l2l_level(&families, above, &mut tail[0]);
         }
         let p2l = &self.lists.p2l;

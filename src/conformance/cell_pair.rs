@@ -1,6 +1,7 @@
 //! The laws on one pair of hand-placed cells.
 
-use super::{Samples, Violation};
+use crate::conformance::samples::Samples;
+use crate::conformance::violation::Violation;
 use crate::expansion::{ChargeOf, Expansion, RealOf, SourceOf, TargetOf, ValueOf};
 use crate::kernel::{Outcome, direct, relative_l2_error};
 use crate::numbers::real::{Additive, Point, Real, Vector, l2_norm};
@@ -32,7 +33,7 @@ pub(super) fn scatter<T: Real>(i: usize) -> Point<T> {
 }
 
 /// One source and one target cell with points in a child of each.
-pub(super) struct Bench<'a, E: Expansion> {
+pub(super) struct CellPair<'a, E: Expansion> {
     expansion: &'a E,
     offset: [i32; 3],
     source: Cell<RealOf<E>>,
@@ -45,7 +46,7 @@ pub(super) struct Bench<'a, E: Expansion> {
     charges: [Vec<ChargeOf<E>>; 3],
 }
 
-impl<'a, E: Expansion> Bench<'a, E> {
+impl<'a, E: Expansion> CellPair<'a, E> {
     pub(super) fn new<S, X, Q>(
         expansion: &'a E,
         samples: &Samples<S, X, Q>,
