@@ -97,7 +97,6 @@ where
 mod tests {
     use super::*;
     use crate::conformance::exact::{Counting, RankOne};
-    use crate::error::Error;
     use crate::interpolation::black_box::Interpolation;
     use crate::kernel::{Outcome, from_fn};
     use glam::{DVec3, Vec3};

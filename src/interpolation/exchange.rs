@@ -189,7 +189,8 @@ impl<R: Scalar, I: Iterator<Item = usize>> WithSimd for Reflections<'_, R, I> {
 mod tests {
     use glam::DVec3;
 
-    use crate::{Fmm, direct, from_fn, probe, relative_l2_error};
+    use crate::interpolation::probe;
+    use crate::{Fmm, direct, from_fn, relative_l2_error};
 
     #[test]
     fn all_sources_of_a_level_reach_all_their_targets() {

@@ -22,3 +22,25 @@ pub(crate) fn for_each_set_bit(
         j += width;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn set_bits_are_visited_across_word_borders() {
+        let columns = 50;
+        let set = |i: usize, j: usize| (i * 7 + j * 3).is_multiple_of(5) || j == 49;
+        let mut bits = vec![0u64; 3 * columns / 64 + 1];
+        for i in 0..3 {
+            for j in (0..columns).filter(|&j| set(i, j)) {
+                bits[(i * columns + j) / 64] |= 1 << ((i * columns + j) % 64);
+            }
+        }
+        for i in 0..3 {
+            let mut seen = Vec::new();
+            for_each_set_bit(&bits, i, columns, |j| seen.push(j));
+            assert_eq!(seen, (0..columns).filter(|&j| set(i, j)).collect::<Vec<_>>());
+        }
+    }
+}
