@@ -3,8 +3,8 @@
 use std::ops::Range;
 
 use crate::error::Error;
-use crate::kernel::{Kernel, Outcome};
-use crate::numbers::real::{Additive, Real};
+use crate::kernel::traits::{Kernel, Outcome};
+use crate::numbers::traits::{Numbers, Real};
 use crate::octree::geometry::{Cell, Cube};
 use crate::octree::shape::Node;
 use crate::octree::tree::Tree;
@@ -31,9 +31,9 @@ pub trait Expansion: Send + Sync {
     /// The kernel expanded.
     type Kernel: Kernel;
     /// One multipole term.
-    type MultipoleTerm: Additive;
+    type MultipoleTerm: Numbers;
     /// One local term.
-    type LocalTerm: Additive;
+    type LocalTerm: Numbers;
 
     /// The kernel expanded.
     fn kernel(&self) -> &Self::Kernel;

@@ -7,7 +7,7 @@
 use num_traits::Float;
 use pulp::{Arch, Simd, WithSimd};
 
-use crate::numbers::real::{Additive, Point, Real, Scalar, Vector};
+use crate::numbers::traits::{Numbers, Point, Real, Scalar, Vector};
 
 /// The nodes x_k = cos((k + ½) π / n) and the polynomials T̂_0 … T̂_{n−1} on them.
 #[derive(Clone, Debug)]
@@ -112,7 +112,7 @@ impl<S: Scalar> WithSimd for AlongAxes<'_, S> {
     #[inline(always)]
     fn with_simd<V: Simd>(self, _: V) {
         let Self { columns: [first, second, last], n, arrays } = self;
-        let mut from = vec![<S as Additive>::zero(); n * n * n];
+        let mut from = vec![<S as Numbers>::zero(); n * n * n];
         for array in arrays.chunks_exact_mut(n * n * n) {
             for (columns, inner) in [(first, n * n), (second, n)] {
                 from.copy_from_slice(array);
@@ -120,7 +120,7 @@ impl<S: Scalar> WithSimd for AlongAxes<'_, S> {
                     from.chunks_exact(n * inner).zip(array.chunks_exact_mut(n * inner))
                 {
                     for (j, to) in to.chunks_exact_mut(inner).enumerate() {
-                        to.fill(<S as Additive>::zero());
+                        to.fill(<S as Numbers>::zero());
                         for (k, from) in from.chunks_exact(inner).enumerate() {
                             let h = columns[k * n + j];
                             for (to, &from) in to.iter_mut().zip(from) {
@@ -132,7 +132,7 @@ impl<S: Scalar> WithSimd for AlongAxes<'_, S> {
             }
             from.copy_from_slice(array);
             for (from, to) in from.chunks_exact(n).zip(array.chunks_exact_mut(n)) {
-                to.fill(<S as Additive>::zero());
+                to.fill(<S as Numbers>::zero());
                 for (&from, column) in from.iter().zip(last.chunks_exact(n)) {
                     for (to, &h) in to.iter_mut().zip(column) {
                         *to += h * from;

@@ -9,7 +9,7 @@ use crate::interpolation::tuning::{
 };
 use crate::linalg::dense::Dense;
 use crate::linalg::matrix::Matrix;
-use crate::numbers::real::Scalar;
+use crate::numbers::traits::Scalar;
 
 /// The leaf size at which the direct sums with 27 neighbours cost as much as the translations with 189
 /// far cells, for ranks like those of 1/r at this accuracy.

@@ -8,7 +8,7 @@ use pulp::{Arch, Simd, WithSimd};
 use crate::interpolation::directions::Group;
 use crate::interpolation::probe::zero;
 use crate::interpolation::tuning::EXCHANGE_BLOCK;
-use crate::numbers::real::Scalar;
+use crate::numbers::traits::Scalar;
 
 /// A pair of cells of one level.
 #[derive(Clone, Copy, Debug, Default)]

@@ -11,12 +11,12 @@ use crate::interpolation::operators::Accuracy;
 use crate::interpolation::prepared::Prepared;
 use crate::interpolation::probe::Formula;
 use crate::interpolation::tuning::ENTRY_PAIRS;
-use crate::kernel::{Outcome, PointKernel};
-use crate::numbers::real::{Columns, Point, Real};
+use crate::kernel::traits::{Kernel, Outcome};
+use crate::numbers::traits::{Point, Real};
 use crate::octree::geometry::Cell;
 use crate::parallel::pool::Pool;
 
-impl<K: PointKernel> Expansion for Interpolation<K> {
+impl<K: Kernel> Expansion for Interpolation<K> {
     type Kernel = K;
     type MultipoleTerm = K::Entry;
     type LocalTerm = K::Entry;
@@ -26,11 +26,11 @@ impl<K: PointKernel> Expansion for Interpolation<K> {
     }
 
     fn multipole_len(&self, level: usize) -> usize {
-        self.source_basis(level).rank() * K::Column::WIDTH
+        self.source_basis(level).rank() * self.kernel.columns()
     }
 
     fn local_len(&self, level: usize) -> usize {
-        self.target_basis(level).rank() * K::Column::WIDTH
+        self.target_basis(level).rank() * self.kernel.columns()
     }
 
     fn prepare(&mut self, geometry: &Geometry<K::Real>) -> Result<(), Error> {
@@ -38,20 +38,20 @@ impl<K: PointKernel> Expansion for Interpolation<K> {
         let kernel = &self.kernel;
         let entries =
             |x: Point<K::Real>, y: Point<K::Real>, g: &mut [K::Entry]| kernel.entries(x, y, g);
-        let formula = Formula::new(K::FIELDS, K::DENSITIES, &entries);
+        let formula = Formula::new(kernel.fields(), kernel.densities(), &entries);
         self.prepared = Prepared::new(type_name::<K>(), &formula, self.accuracy, geometry)?;
         self.scratch = Pool::default();
         Ok(())
     }
 
     fn leaf_size(&self, pair_seconds: f64) -> usize {
-        let components = K::FIELDS.max(K::DENSITIES);
-        cost::leaf_size::<K::Entry>(self.accuracy, components, K::Column::WIDTH, pair_seconds)
+        let components = self.kernel.fields().max(self.kernel.densities());
+        cost::leaf_size::<K::Entry>(self.accuracy, components, self.kernel.columns(), pair_seconds)
     }
 
     fn expected_terms(&self) -> usize {
-        let components = K::FIELDS.max(K::DENSITIES);
-        cost::rank(self.accuracy, components) as usize * K::Column::WIDTH
+        let components = self.kernel.fields().max(self.kernel.densities());
+        cost::rank(self.accuracy, components) as usize * self.kernel.columns()
     }
 
     fn pair_tolerance(&self) -> f64 {
@@ -144,7 +144,7 @@ impl<K: PointKernel> Expansion for Interpolation<K> {
             Prepared::Everywhere(_) => level.for_each_pair(locals, by_kernel),
             Prepared::Invariant(invariant) => {
                 let (transfers, scale) = invariant.transfers(level.level, half_width);
-                let columns = K::Column::WIDTH;
+                let columns = self.kernel.columns();
                 let scale = scale * K::Real::from_f64(level.weight);
                 transfers.add_level(level, scale, columns, multipoles, locals, &by_kernel);
             }

@@ -4,7 +4,7 @@ use pulp::Simd;
 
 use crate::interpolation::probe::zero;
 use crate::linalg::matrix::Matrix;
-use crate::numbers::real::Scalar;
+use crate::numbers::traits::Scalar;
 
 /// Numbers that are summed side by side, in registers.
 pub(crate) const LANES: usize = 8;

@@ -12,7 +12,7 @@ use crate::interpolation::basis::Basis;
 use crate::interpolation::chebyshev::{derivatives_in_lanes, polynomials_in_lanes};
 use crate::interpolation::lanes::{LANES, fuse, multiply_add, row};
 use crate::interpolation::tuning::{MAX_ORDER, POINTS_TOGETHER, ROWS_TOGETHER};
-use crate::numbers::real::{Real, Scalar};
+use crate::numbers::traits::{Real, Scalar};
 
 /// P2M of a cell.
 pub(crate) struct Moments<'a, S: Scalar> {
@@ -49,7 +49,7 @@ impl<S: Scalar> WithSimd for Moments<'_, S> {
         powers.add_moments::<V>(points, numbers, arrays);
         let len = arrays.len() / (multipole.len() / basis.rank());
         for (m, arrays) in multipole.chunks_exact_mut(basis.rank()).zip(arrays.chunks_exact(len)) {
-            let (re, im) = arrays.split_at(len / parts::<S>());
+            let (re, im) = arrays.split_at(len / S::PARTS);
             basis.add_moments::<V>(powers.n, [re, if im.is_empty() { re } else { im }], sums, m);
         }
     }
@@ -89,16 +89,11 @@ impl<S: Scalar> WithSimd for Fields<'_, S> {
         }
         let len = arrays.len() / (local.len() / basis.rank());
         for (l, arrays) in local.chunks_exact(basis.rank()).zip(arrays.chunks_exact_mut(len)) {
-            let (re, im) = arrays.split_at_mut(len / parts::<S>());
+            let (re, im) = arrays.split_at_mut(len / S::PARTS);
             basis.add_coefficients::<V>(powers.n, l, [re, im]);
         }
         powers.add_fields::<V>(points, arrays, gradient, numbers);
     }
-}
-
-/// How many real numbers one number of type `S` is.
-pub(crate) const fn parts<S: Scalar>() -> usize {
-    if S::COMPLEX { 2 } else { 1 }
 }
 
 /// The polynomials at some points.

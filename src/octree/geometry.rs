@@ -1,6 +1,6 @@
 //! The root cube and its cells.
 
-use crate::numbers::real::{Point, Real, Vector};
+use crate::numbers::traits::{Point, Real, Vector};
 
 /// The deepest level of the octree: three 21-bit coordinates fill one 64-bit Morton key.
 pub const MAX_LEVEL: usize = 21;

@@ -1,7 +1,7 @@
 //! The adaptive octree over points, and the box around them.
 
 use crate::error::{Error, PointSet};
-use crate::numbers::real::{Additive, Located, Point, Real, Vector};
+use crate::numbers::traits::{Located, Numbers, Point, Real, Vector};
 use crate::octree::geometry::{Cell, Cube, MAX_LEVEL};
 use crate::octree::morton::{Keyed, coordinates, morton_key};
 use crate::octree::shape::Shape;

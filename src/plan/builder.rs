@@ -7,8 +7,8 @@ use crate::expansion::{Expansion, Geometry, RealOf, SourceOf, TargetOf};
 use crate::interaction::cell_mask::{CellMask, PointMask, TreePoints};
 use crate::interaction::traversal::{Far, Traversal};
 use crate::interpolation::black_box::Interpolation;
-use crate::kernel::PointKernel;
 use crate::kernel::mask::{Mask, Unmasked};
+use crate::kernel::traits::Kernel;
 use crate::octree::trees::Trees;
 use crate::plan::choice::{Candidate, DOUBT, cheapest, correct};
 use crate::plan::estimate::Estimate;
@@ -18,7 +18,7 @@ use crate::plan::pair_time::pair_seconds;
 use crate::plan::times::{BuildTimes, Clock, Phase, Progress};
 use crate::plan::{Plan, Scheme, levels};
 
-impl<K: PointKernel> Fmm<Interpolation<K>> {
+impl<K: Kernel> Fmm<Interpolation<K>> {
     /// Starts a plan for a kernel given by its formula, expanded by [`Interpolation`].
     pub fn builder(kernel: K) -> Builder<'static, Interpolation<K>, Unmasked> {
         Fmm::with_expansion(Interpolation::new(kernel))
@@ -50,7 +50,7 @@ struct Choices<'a> {
     progress: Option<&'a (dyn Fn(Progress) + Sync)>,
 }
 
-impl<K: PointKernel, M> Builder<'_, Interpolation<K>, M> {
+impl<K: Kernel, M> Builder<'_, Interpolation<K>, M> {
     /// The relative l2 error to stay below; default 1e-6. The order follows from it.
     pub fn tolerance(mut self, tolerance: f64) -> Self {
         self.expansion = self.expansion.tolerance(tolerance);

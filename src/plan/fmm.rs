@@ -5,7 +5,7 @@ use std::sync::Mutex;
 
 use crate::error::Error;
 use crate::expansion::{ChargeOf, Expansion, ValueOf};
-use crate::numbers::real::Additive;
+use crate::numbers::traits::Numbers;
 use crate::parallel;
 use crate::plan::estimate::Estimate;
 use crate::plan::stats::{Stats, stats};
@@ -105,9 +105,7 @@ impl<E: Expansion> Fmm<E> {
             return Err(Error::LengthMismatch { what: "charges", expected, found });
         }
         match first_not_finite(charges) {
-            Some(index) => {
-                Err(Error::NonFiniteCharge { index, charge: format!("{:?}", charges[index]) })
-            }
+            Some(index) => Err(Error::NonFiniteCharge { index, charge: charges[index].to_f64s() }),
             None => Ok(()),
         }
     }
@@ -122,15 +120,15 @@ impl<E: Expansion> Fmm<E> {
     }
 }
 
-pub(crate) fn check_values<V: Additive>(values: &[V]) -> Result<(), Error> {
+pub(crate) fn check_values<V: Numbers>(values: &[V]) -> Result<(), Error> {
     match first_not_finite(values) {
-        Some(index) => Err(Error::NonFiniteValue { index, value: format!("{:?}", values[index]) }),
+        Some(index) => Err(Error::NonFiniteValue { index, value: values[index].to_f64s() }),
         None => Ok(()),
     }
 }
 
 /// Index of the first value that is not finite. O(N).
-fn first_not_finite<V: Additive>(values: &[V]) -> Option<usize> {
+fn first_not_finite<V: Numbers>(values: &[V]) -> Option<usize> {
     let chunks = values.len().div_ceil(CHUNK);
     let found = parallel::map(chunks, &|chunk| {
         let start = CHUNK * chunk;

@@ -21,7 +21,7 @@ use rayon::prelude::*;
 
 use crate::expansion::{ChargeOf, Expansion, Level, RealOf, SourceOf, TargetOf, ValueOf};
 use crate::interaction::lists::{Costs, Lists};
-use crate::numbers::real::{Additive, Real};
+use crate::numbers::traits::{Numbers, Real};
 use crate::octree::geometry::Cube;
 use crate::octree::tree::Tree;
 use crate::octree::trees::Trees;
@@ -148,10 +148,10 @@ impl<E: Expansion> Workspace<E> {
     pub(crate) fn new(plan: &Plan<E>) -> Self {
         let Layout { multipole_terms, local_terms, .. } = &plan.layout;
         Self {
-            charges: vec![Additive::zero(); plan.sources.len()],
-            values: vec![Additive::zero(); plan.targets.len()],
-            multipoles: multipole_terms.iter().map(|&n| vec![Additive::zero(); n]).collect(),
-            locals: local_terms.iter().map(|&n| vec![Additive::zero(); n]).collect(),
+            charges: vec![Numbers::zero(); plan.sources.len()],
+            values: vec![Numbers::zero(); plan.targets.len()],
+            multipoles: multipole_terms.iter().map(|&n| vec![Numbers::zero(); n]).collect(),
+            locals: local_terms.iter().map(|&n| vec![Numbers::zero(); n]).collect(),
             p2l_declined: plan.lists.p2l.items.iter().map(|_| AtomicBool::new(false)).collect(),
             gathered: Pool::default(),
         }
