@@ -21,7 +21,7 @@ impl fmt::Display for PointSet {
 }
 
 /// Every way in which the engine refuses an input.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
     /// A coordinate is NaN or infinite.
@@ -129,6 +129,9 @@ pub enum Error {
         /// The bytes that they would need, as [`Estimate::bytes`](crate::Estimate::bytes) foretells.
         needed: usize,
     },
+    /// An expansion of the user's own refuses what is asked of it.
+    #[error("the expansion can't be prepared: {0}")]
+    Expansion(#[source] Box<dyn std::error::Error + Send + Sync>),
     /// A leaf size of zero.
     #[error("leaf size 0: expected at least 1 point per leaf")]
     InvalidLeafSize,

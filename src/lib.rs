@@ -56,6 +56,7 @@ pub mod conformance;
 pub use certificate::Certificate;
 pub use certificate::sampling::Sampling;
 pub use error::{Error, PointSet};
+pub use expansion::costs::Costs;
 pub use expansion::{
     ChargeOf, Expansion, Geometry, Level, LevelFamilies, LevelPairs, OffsetMap, RealOf, SourceOf,
     TargetOf, ValueOf,

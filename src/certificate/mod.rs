@@ -29,6 +29,7 @@ use crate::plan::fmm::{Fmm, check_values};
 /// of it when cancellation is taken out.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[non_exhaustive]
 pub struct Certificate {
     /// With probability [`confidence`](Self::confidence) at least, ‖error‖ / ‖u‖ over *all* targets is
     /// no more than this. Infinite if the values are no larger than their errors may be.

@@ -59,7 +59,7 @@ impl<'a, E: Expansion> CellPair<'a, E> {
         X: Fn(Point<RealOf<E>>, usize) -> TargetOf<E>,
         Q: Fn(usize) -> ChargeOf<E>,
     {
-        let cell = |level, c: [i32; 3]| Cell::new(root, level, c.map(|c| c as u32));
+        let cell = |level, c: [i32; 3]| Cell::new(root, level, c.map(|c| c as u64));
         let child = |c: [i32; 3], octant: [i32; 3]| -> [i32; 3] {
             std::array::from_fn(|k| 2 * c[k] + octant[k])
         };

@@ -3,6 +3,7 @@
 use std::any::type_name;
 
 use crate::error::Error;
+use crate::expansion::costs::Costs;
 use crate::expansion::{Expansion, Geometry, LevelFamilies, LevelPairs};
 use crate::interpolation::black_box::Interpolation;
 use crate::interpolation::budget::PAIR_SHARE;
@@ -44,29 +45,20 @@ impl<K: Kernel> Expansion for Interpolation<K> {
         Ok(())
     }
 
-    fn leaf_size(&self, pair_seconds: f64) -> usize {
-        let components = self.kernel.fields().max(self.kernel.densities());
-        cost::leaf_size::<K::Entry>(self.accuracy, components, self.kernel.columns(), pair_seconds)
-    }
-
-    fn expected_terms(&self) -> usize {
-        let components = self.kernel.fields().max(self.kernel.densities());
-        cost::rank(self.accuracy, components) as usize * self.kernel.columns()
-    }
-
-    fn pair_tolerance(&self) -> f64 {
-        match self.accuracy {
-            Accuracy::Tolerance(tolerance) => PAIR_SHARE * tolerance,
-            Accuracy::Order(_) => 0.0,
+    fn costs(&self, level: usize) -> Costs {
+        let kernel = &self.kernel;
+        let (components, columns) = (kernel.fields().max(kernel.densities()), kernel.columns());
+        Costs {
+            pair_tolerance: match self.accuracy {
+                Accuracy::Tolerance(tolerance) => PAIR_SHARE * tolerance,
+                Accuracy::Order(_) => 0.0,
+            },
+            leaf_seconds: Some(cost::leaf_seconds::<K::Entry>(self.accuracy, components, columns)),
+            terms: cost::rank(self.accuracy, components) as usize * columns,
+            m2p_pairs: ENTRY_PAIRS * self.source_basis(level).skeleton.points.len(),
+            p2l_pairs: ENTRY_PAIRS * self.target_basis(level).skeleton.points.len(),
+            weighs: true,
         }
-    }
-
-    fn m2p_pairs(&self, level: usize) -> usize {
-        ENTRY_PAIRS * self.source_basis(level).skeleton.points.len()
-    }
-
-    fn p2l_pairs(&self, level: usize) -> usize {
-        ENTRY_PAIRS * self.target_basis(level).skeleton.points.len()
     }
 
     fn p2m(
@@ -121,10 +113,6 @@ impl<K: Kernel> Expansion for Interpolation<K> {
             }
         }
         self.m2l_by_kernel(1.0, source, target, from, to);
-    }
-
-    fn weighs(&self) -> bool {
-        true
     }
 
     fn m2l_level(

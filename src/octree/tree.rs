@@ -31,7 +31,7 @@ impl<T: Real> Tree<T> {
         let cells = parallel::map(keys.len(), &|c| {
             let level = shape.nodes[c].level();
             let shift = 3 * (MAX_LEVEL - level) as u32;
-            Cell::new(root, level, coordinates(keys[c] >> shift))
+            Cell::new(root, level, coordinates(keys[c] >> shift).map(u64::from))
         });
         Self { shape, cells }
     }

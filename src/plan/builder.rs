@@ -3,6 +3,7 @@
 use std::fmt;
 
 use crate::error::Error;
+use crate::expansion::costs::Costs;
 use crate::expansion::{Expansion, Geometry, RealOf, SourceOf, TargetOf};
 use crate::interaction::cell_mask::{CellMask, PointMask, TreePoints};
 use crate::interaction::traversal::{Far, Traversal};
@@ -241,12 +242,17 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
         sources: &[SourceOf<E>],
         targets: &[TargetOf<E>],
     ) -> Result<Trees<SourceOf<E>, TargetOf<E>>, Error> {
-        let best = || self.expansion.leaf_size(self.pair_seconds(sources, targets));
+        let best = || self.costs().leaf_size(self.pair_seconds(sources, targets));
         Trees::new(sources, targets, &|| self.choices.leaf_size.unwrap_or_else(best))
     }
 
+    /// What is known of costs before the expansion is prepared.
+    fn costs(&self) -> Costs {
+        self.expansion.costs(2)
+    }
+
     fn pair_seconds(&self, sources: &[SourceOf<E>], targets: &[TargetOf<E>]) -> f64 {
-        let (kernel, tolerance) = (self.expansion.kernel(), self.expansion.pair_tolerance());
+        let (kernel, tolerance) = (self.expansion.kernel(), self.costs().pair_tolerance);
         pair_seconds(kernel, tolerance, sources, targets)
     }
 
@@ -273,7 +279,7 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
             mask,
             far: match scheme {
                 Scheme::Direct => Far::Nothing,
-                Scheme::Fmm if self.expansion.weighs() => Far::Weighed,
+                Scheme::Fmm if self.costs().weighs => Far::Weighed,
                 Scheme::Fmm | Scheme::Treecode { .. } => Far::Whole,
             },
         }

@@ -74,8 +74,8 @@ fn correction<E: Expansion>(expansion: &E, scheme: Scheme) -> Option<f64> {
 type Kind = (&'static str, u64, usize, Scheme);
 
 fn kind<E: Expansion>(expansion: &E, scheme: Scheme) -> Kind {
-    let tolerance = expansion.pair_tolerance().to_bits();
-    (type_name::<E>(), tolerance, expansion.expected_terms(), scheme)
+    let costs = expansion.costs(2);
+    (type_name::<E>(), costs.pair_tolerance.to_bits(), costs.terms, scheme)
 }
 
 fn remembered<R>(ask: impl FnOnce(&mut BTreeMap<Kind, f64>) -> R) -> R {

@@ -34,9 +34,9 @@ use crate::plan::{Plan, Workspace};
 /// ```
 pub struct Fmm<E: Expansion> {
     pub(crate) plan: Plan<E>,
-    stats: Stats,
-    build_times: BuildTimes,
-    estimate: Option<Estimate>,
+    pub(crate) stats: Stats,
+    pub(crate) build_times: BuildTimes,
+    pub(crate) estimate: Option<Estimate>,
     idle: Mutex<Vec<Workspace<E>>>,
 }
 
@@ -77,21 +77,6 @@ impl<E: Expansion> Fmm<E> {
         clock.lap(&mut checks);
         times.permutation += checks;
         Ok((values, times))
-    }
-
-    /// What the plan consists of.
-    pub fn stats(&self) -> &Stats {
-        &self.stats
-    }
-
-    /// How long building the plan took.
-    pub fn build_times(&self) -> &BuildTimes {
-        &self.build_times
-    }
-
-    /// What the plan was expected to cost, if that was asked: for a choice of scheme or a memory budget.
-    pub fn estimate(&self) -> Option<&Estimate> {
-        self.estimate.as_ref()
     }
 
     /// The expansion, as prepared for this plan.

@@ -215,7 +215,7 @@ impl<E: Expansion> Plan<E> {
         let Workspace { charges, values, multipoles, locals, p2l_declined, gathered } = workspace;
         let near = Near {
             kernel: self.expansion.kernel(),
-            tolerance: self.expansion.pair_tolerance(),
+            tolerance: self.pair_tolerance,
             sources: &self.sources,
             charges,
             bits: &self.lists.bits,
@@ -327,7 +327,7 @@ impl<E: Expansion> Far<'_, E> {
         let points = self.plan.source_tree.shape.nodes[s as usize].points();
         let (ys, qs) = (&self.plan.sources[points.clone()], &self.charges[points]);
         let expansion = &self.plan.expansion;
-        expansion.kernel().add_block(xs, ys, qs, expansion.pair_tolerance(), us);
+        expansion.kernel().add_block(xs, ys, qs, self.plan.pair_tolerance, us);
     }
 }
 
