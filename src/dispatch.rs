@@ -2,13 +2,14 @@
 
 use pulp::{Simd, WithSimd};
 
+use crate::dispatch_level::dispatch_up_to_avx2;
 use crate::kernel::Kernel;
 
 /// `us[i]` += Σ_j K(x_i, y_j) q_j, each pair by [`Kernel::add`], with the same bits as the plain
 /// double loop.
 ///
 /// A build for any x86-64 processor may use SSE2 only. Here the loop, with whatever `add` inlines
-/// into it, is compiled a second time for AVX2 and FMA, and the machine chooses.
+/// into it, is compiled a second time for AVX2 and FMA, and chosen at run time.
 pub(crate) struct PairLoop<'a, K: Kernel + ?Sized> {
     pub(crate) kernel: &'a K,
     pub(crate) xs: &'a [K::Target],
@@ -21,14 +22,7 @@ impl<K: Kernel + ?Sized> PairLoop<'_, K> {
     pub(crate) fn run(self) {
         // AVX-512 brings a formula nothing: the divider is no faster per number, and a call of a
         // scalar function such as `exp` from a loop in 512-bit registers costs a third of the speed.
-        #[cfg(target_arch = "x86_64")]
-        if let Some(avx2) = pulp::x86::V3::try_new() {
-            return Simd::vectorize(avx2, self);
-        }
-        #[cfg(target_arch = "x86_64")]
-        Simd::vectorize(pulp::Scalar, self);
-        #[cfg(not(target_arch = "x86_64"))]
-        pulp::Arch::new().dispatch(self);
+        dispatch_up_to_avx2(self);
     }
 }
 
@@ -81,6 +75,7 @@ fn side_by_side<K: Kernel + ?Sized>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dispatch_level::DispatchLevel;
     use crate::kernel::from_fn;
     use crate::real::Additive;
     use glam::DVec3;
@@ -108,7 +103,7 @@ mod tests {
                 for _ in 0..2 {
                     PairLoop { kernel, xs, ys, qs, us: &mut best }.run();
                     let us = &mut portable;
-                    Simd::vectorize(pulp::Scalar, PairLoop { kernel, xs, ys, qs, us });
+                    DispatchLevel::Portable.run(PairLoop { kernel, xs, ys, qs, us });
                 }
                 assert!(best == plain && portable == plain, "{n} targets, {m} sources");
             }

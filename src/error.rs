@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use crate::dispatch_level::UnknownDispatchLevel;
 use crate::estimate::Estimate;
 
 /// Which of the two point sets an error speaks of.
@@ -134,4 +135,7 @@ pub enum Error {
     /// A leaf size of zero.
     #[error("leaf size 0: expected at least 1 point per leaf")]
     InvalidLeafSize,
+    /// The environment variable that caps the processor's instructions does not name a level.
+    #[error(transparent)]
+    UnknownDispatchLevel(#[from] UnknownDispatchLevel),
 }

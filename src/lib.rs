@@ -40,6 +40,7 @@
 //! [`direct`] is the reference for everything.
 
 // Each module imports only from those above it.
+mod dispatch_level;
 mod estimate;
 mod error;
 mod products;
@@ -87,6 +88,7 @@ pub mod conformance;
 
 pub use builder::Builder;
 pub use certificate::Certificate;
+pub use dispatch_level::{DispatchLevel, UnknownDispatchLevel, dispatch};
 pub use error::{Error, PointSet};
 pub use estimate::Estimate;
 pub use expansion::{

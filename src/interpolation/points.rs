@@ -6,9 +6,10 @@
 //! The array of one column of right-hand sides holds the coefficient of T̂_i(x) T̂_j(y) T̂_k(z) at
 //! i · [`row`]`(n)` + j · n + k.
 
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
 
 use crate::chebyshev::{derivatives_in_lanes, polynomials_in_lanes};
+use crate::dispatch_level::dispatch;
 use crate::interpolation::MAX_ORDER;
 use crate::interpolation::basis::Basis;
 use crate::interpolation::lanes::{LANES, fuse, multiply_add};
@@ -39,7 +40,7 @@ impl<S: Scalar> Moments<'_, S> {
     // Not inlined: compiled once, not for every kernel.
     #[inline(never)]
     pub(crate) fn add(self) {
-        Arch::new().dispatch(self);
+        dispatch(self);
     }
 }
 
@@ -80,7 +81,7 @@ impl<S: Scalar> Fields<'_, S> {
     // Not inlined: compiled once, not for every kernel.
     #[inline(never)]
     pub(crate) fn add(self) {
-        Arch::new().dispatch(self);
+        dispatch(self);
     }
 }
 
@@ -353,7 +354,7 @@ fn multiply<T: Real>(y: T, z: &[T], to: &mut [T]) {
 mod tests {
     use super::*;
     use crate::chebyshev::polynomials;
-    use pulp::Scalar as Plain;
+    use crate::dispatch_level::DispatchLevel;
 
     /// Moments of unit densities, then fields and derivatives of `coefficients`.
     struct Both<'a>(usize, &'a [[f64; 3]], &'a [f64]);
@@ -409,10 +410,11 @@ mod tests {
                 }
             }
             let both = || Both(n, &points, &coefficients);
-            for got in [Arch::new().dispatch(both()), Simd::vectorize(Plain, both())] {
+            for level in DispatchLevel::available() {
+                let got = level.run(both());
                 for (got, exact) in got.iter().zip([&moments, &fields]) {
                     let error = crate::relative_l2_error(got, exact);
-                    assert!(error < 1e-13, "order {n}, {count} points: {error:e}");
+                    assert!(error < 1e-13, "{level}, order {n}, {count} points: {error:e}");
                 }
             }
         }
