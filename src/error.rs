@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use crate::dispatch_level::UnknownDispatchLevel;
+
 /// Which of the two point sets an error speaks of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PointSet {
@@ -135,6 +137,9 @@ pub enum Error {
     /// A leaf size of zero.
     #[error("leaf size 0: expected at least 1 point per leaf")]
     InvalidLeafSize,
+    /// The environment variable that caps the processor's instructions does not name a level.
+    #[error(transparent)]
+    UnknownDispatchLevel(#[from] UnknownDispatchLevel),
 }
 
 impl Error {

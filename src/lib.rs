@@ -40,6 +40,7 @@
 //! [`direct`] is the reference for everything.
 
 // Each folder imports only from those above it.
+mod dispatch_level;
 mod error;
 mod parallel;
 mod linalg;
@@ -55,6 +56,7 @@ pub mod conformance;
 
 pub use certificate::Certificate;
 pub use certificate::sampling::Sampling;
+pub use dispatch_level::{DispatchLevel, UnknownDispatchLevel, dispatch};
 pub use error::{Error, PointSet};
 pub use expansion::costs::Costs;
 pub use expansion::{

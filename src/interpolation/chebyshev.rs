@@ -5,8 +5,9 @@
 //! f(x) ≈ Σ_j T̂_j(x) · 1/n Σ_k T̂_j(x_k) f(x_k).
 
 use num_traits::Float;
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
 
+use crate::dispatch_level::dispatch;
 use crate::numbers::traits::{Numbers, Point, Real, Scalar, Vector};
 
 /// The nodes x_k = cos((k + ½) π / n) and the polynomials T̂_0 … T̂_{n−1} on them.
@@ -96,7 +97,7 @@ fn along_axes<S: Scalar>(matrices: [&[S::Real]; 3], transposed: bool, n: usize, 
         let at = |i: usize| if transposed { matrix[i] } else { matrix[i % n * n + i / n] };
         (0..n * n).map(|i| S::from_real(at(i))).collect::<Vec<S>>()
     });
-    Arch::new().dispatch(AlongAxes { columns: columns.each_ref().map(|c| &c[..]), n, arrays });
+    dispatch(AlongAxes { columns: columns.each_ref().map(|c| &c[..]), n, arrays });
 }
 
 /// to[j] = Σ_k h[j, k] from[k] along each axis in turn, with h by its columns.

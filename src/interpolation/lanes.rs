@@ -102,7 +102,8 @@ impl<S: Scalar> Padded<S> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use pulp::{Arch, WithSimd};
+    use crate::dispatch_level::DispatchLevel;
+    use pulp::WithSimd;
 
     struct Product<'a>(&'a Padded<f64>, &'a [f64]);
 
@@ -125,8 +126,10 @@ mod tests {
             let x: Vec<f64> = (0..columns).map(|j| (j as f64).cos()).collect();
             let mut y = vec![0.0; rows];
             crate::linalg::dense::Dense::product(&a, &x, false, &mut y);
-            let got = Arch::new().dispatch(Product(&Padded::new(&a), &x));
-            assert!(crate::relative_l2_error(&got, &y) < 1e-15, "{rows} × {columns}");
+            for level in DispatchLevel::available() {
+                let got = level.run(Product(&Padded::new(&a), &x));
+                assert!(crate::relative_l2_error(&got, &y) < 1e-15, "{level}: {rows} × {columns}");
+            }
         }
     }
 }

@@ -6,8 +6,9 @@
 //! The array of one column of right-hand sides holds the coefficient of T̂_i(x) T̂_j(y) T̂_k(z) at
 //! i · [`row`]`(n)` + j · n + k.
 
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
 
+use crate::dispatch_level::dispatch;
 use crate::interpolation::basis::Basis;
 use crate::interpolation::chebyshev::{derivatives_in_lanes, polynomials_in_lanes};
 use crate::interpolation::lanes::{LANES, fuse, multiply_add, row};
@@ -33,7 +34,7 @@ impl<S: Scalar> Moments<'_, S> {
     // Not inlined: compiled once, not for every kernel.
     #[inline(never)]
     pub(crate) fn add(self) {
-        Arch::new().dispatch(self);
+        dispatch(self);
     }
 }
 
@@ -74,7 +75,7 @@ impl<S: Scalar> Fields<'_, S> {
     // Not inlined: compiled once, not for every kernel.
     #[inline(never)]
     pub(crate) fn add(self) {
-        Arch::new().dispatch(self);
+        dispatch(self);
     }
 }
 
@@ -341,8 +342,8 @@ fn multiply<T: Real>(y: T, z: &[T], to: &mut [T]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dispatch_level::DispatchLevel;
     use crate::interpolation::chebyshev::polynomials;
-    use pulp::Scalar as Plain;
 
     /// Moments of unit densities, then fields and derivatives of `coefficients`.
     struct Both<'a>(usize, &'a [[f64; 3]], &'a [f64]);
@@ -398,10 +399,11 @@ mod tests {
                 }
             }
             let both = || Both(n, &points, &coefficients);
-            for got in [Arch::new().dispatch(both()), Simd::vectorize(Plain, both())] {
+            for level in DispatchLevel::available() {
+                let got = level.run(both());
                 for (got, exact) in got.iter().zip([&moments, &fields]) {
                     let error = crate::relative_l2_error(got, exact);
-                    assert!(error < 1e-13, "order {n}, {count} points: {error:e}");
+                    assert!(error < 1e-13, "{level}, order {n}, {count} points: {error:e}");
                 }
             }
         }

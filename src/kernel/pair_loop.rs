@@ -2,10 +2,12 @@
 
 use pulp::{Simd, WithSimd};
 
+use crate::dispatch_level::dispatch_up_to_avx2;
+
 /// `us[i]` += Σ_j K(x_i, y_j) q_j, each pair by `add`, with the same bits as the plain double loop.
 ///
 /// A build for any x86-64 processor may use SSE2 only. Here the loop, with whatever `add` inlines
-/// into it, is compiled a second time for AVX2 and FMA, and the machine chooses.
+/// into it, is compiled a second time for AVX2 and FMA, and chosen at run time.
 pub(crate) struct PairLoop<'a, F, X, Y, Q, U> {
     /// Adds one pair's contribution: `add(x, y, q, u)`.
     pub(crate) add: F,
@@ -21,22 +23,10 @@ where
     U: Clone,
 {
     pub(crate) fn run(self) {
-        vectorize(self);
+        // AVX-512 brings a formula nothing: the divider is no faster per number, and a call of a
+        // scalar function such as `exp` from a loop in 512-bit registers costs a third of the speed.
+        dispatch_up_to_avx2(self);
     }
-}
-
-/// Runs a loop over a kernel's formula with the registers that serve it best.
-pub(super) fn vectorize(work: impl WithSimd<Output = ()>) {
-    // AVX-512 brings a formula nothing: the divider is no faster per number, and a call of a
-    // scalar function such as `exp` from a loop in 512-bit registers costs a third of the speed.
-    #[cfg(target_arch = "x86_64")]
-    if let Some(avx2) = pulp::x86::V3::try_new() {
-        return Simd::vectorize(avx2, work);
-    }
-    #[cfg(target_arch = "x86_64")]
-    Simd::vectorize(pulp::Scalar, work);
-    #[cfg(not(target_arch = "x86_64"))]
-    pulp::Arch::new().dispatch(work);
 }
 
 impl<F, X, Y, Q, U> WithSimd for PairLoop<'_, F, X, Y, Q, U>
@@ -92,6 +82,7 @@ fn side_by_side<X, Y, Q, U: Clone>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dispatch_level::DispatchLevel;
     use crate::kernel::closure::from_fn;
     use crate::kernel::traits::Kernel;
     use crate::numbers::traits::Numbers;
@@ -121,7 +112,7 @@ mod tests {
                     let add = |x: &_, y: &_, q: &_, u: &mut _| kernel.add(x, y, q, u);
                     PairLoop { add, xs, ys, qs, us: &mut best }.run();
                     let us = &mut portable;
-                    Simd::vectorize(pulp::Scalar, PairLoop { add, xs, ys, qs, us });
+                    DispatchLevel::Portable.run(PairLoop { add, xs, ys, qs, us });
                 }
                 assert!(best == plain && portable == plain, "{n} targets, {m} sources");
             }

@@ -2,8 +2,8 @@
 
 use pulp::{Simd, WithSimd};
 
+use crate::dispatch_level::dispatch_up_to_avx2;
 use crate::kernel::formula::{Form, Formula, FormulaEntry};
-use crate::kernel::pair_loop::vectorize;
 use crate::kernel::traits::Kernel;
 use crate::numbers::dual::Dual;
 use crate::numbers::lanes::Lanes;
@@ -24,7 +24,7 @@ pub(super) fn entries_side_by_side<F: Formula, S: Scalar>(
     ys: &[Point<S::Real>],
     g: &mut [S],
 ) {
-    vectorize(Entries { formula, xs, ys, g });
+    dispatch_up_to_avx2(Entries { formula, xs, ys, g });
 }
 
 /// Writes the gradients of the entries of one pair with respect to x.
@@ -92,7 +92,7 @@ impl<K: Kernel, F: Formula> Near<'_, K, F> {
     /// Adds to the values.
     pub(super) fn add(self) {
         if !self.ys.is_empty() {
-            vectorize(self);
+            dispatch_up_to_avx2(self);
         }
     }
 

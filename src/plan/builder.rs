@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use crate::dispatch_level::DispatchLevel;
 use crate::error::Error;
 use crate::expansion::costs::Costs;
 use crate::expansion::{Expansion, Geometry, RealOf, SourceOf, TargetOf};
@@ -146,12 +147,13 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
     /// # Errors
     /// If a coordinate is not finite, the points extend too far for their precision, the leaf size is
     /// zero, the plan would need more memory than it may, or the expansion can't meet its tolerance or
-    /// order.
+    /// order, or if `FARFIELD_DISPATCH` does not name a [`DispatchLevel`].
     pub fn build(
         mut self,
         sources: &[SourceOf<E>],
         targets: &[TargetOf<E>],
     ) -> Result<Fmm<E>, Error> {
+        DispatchLevel::in_force()?;
         let (mut clock, mut times) = (Clock::start(), BuildTimes::default());
         self.report(Phase::Tree, 0.0);
         let mut trees = self.trees(sources, targets)?;
