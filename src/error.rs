@@ -151,3 +151,11 @@ impl Error {
         Err(Self::LengthMismatch { what: "charges", expected: sources, found: charges })
     }
 }
+
+/// Errors are equal if they are of one kind and say the same.
+impl PartialEq for Error {
+    fn eq(&self, other: &Self) -> bool {
+        std::mem::discriminant(self) == std::mem::discriminant(other)
+            && self.to_string() == other.to_string()
+    }
+}

@@ -9,15 +9,15 @@
 //! Code with wide registers must be inlined into the function that `pulp` compiles for the machine.
 //! Hence `#[inline(always)]` throughout, and loops where closures on arrays would be shorter.
 //!
-//! The loop is for blocks of ordinary coordinates and of charges that are plain numbers. It declines
+//! The loop is for blocks of ordinary coordinates and of charges of up to four numbers. It declines
 //! any other, which [`PowerLaw`](crate::PowerLaw) sums pair by pair.
 
 use std::marker::PhantomData;
 
-use farfield::{Linear, Outcome, Point, Real, Vector, dispatch};
+use farfield::{Numbers, Outcome, Point, Real, Vector, dispatch};
 use pulp::{Simd, WithSimd};
 
-use crate::columns::{columns, from_columns, same, to_columns};
+use crate::columns::{from_columns, same, to_columns};
 use crate::exponent::Exponent;
 use crate::law::{Law, slope};
 use crate::output::Output;
@@ -28,7 +28,7 @@ use crate::registers::Registers;
 /// `F` is the same precision as `T`, but known by name.
 pub(crate) struct Block<'a, E, F, T: Real, C, O: Output<T, C>>
 where
-    C: Linear<T>,
+    C: Numbers<Real = T>,
 {
     pub(crate) xs: &'a [Point<T>],
     pub(crate) ys: &'a [Point<T>],
@@ -43,7 +43,7 @@ where
     E: Exponent,
     F: Reciprocal,
     T: Real,
-    C: Linear<T>,
+    C: Numbers<Real = T>,
     O: Output<T, C>,
 {
     type Output = Outcome;
@@ -54,11 +54,11 @@ where
             return Outcome::Declined;
         }
         let Some(law) = Law::of::<E>() else { return Outcome::Declined };
-        match columns::<T, C>() {
-            Some(1) => self.sum::<S, 1>(simd, law),
-            Some(2) => self.sum::<S, 2>(simd, law),
-            Some(3) => self.sum::<S, 3>(simd, law),
-            Some(4) => self.sum::<S, 4>(simd, law),
+        match C::LEN {
+            1 => self.sum::<S, 1>(simd, law),
+            2 => self.sum::<S, 2>(simd, law),
+            3 => self.sum::<S, 3>(simd, law),
+            4 => self.sum::<S, 4>(simd, law),
             _ => return Outcome::Declined,
         }
         Outcome::Done
@@ -70,7 +70,7 @@ where
     E: Exponent,
     F: Reciprocal,
     T: Real,
-    C: Linear<T>,
+    C: Numbers<Real = T>,
     O: Output<T, C>,
 {
     /// Adds the block, or declines it, with the best instructions that the machine has.
@@ -82,7 +82,7 @@ where
     #[inline(always)]
     fn sum<S: Simd, const N: usize>(self, simd: S, law: Law) {
         // Decided per type, so that only the one loop that fits a charge is compiled.
-        if const { size_of::<C>() == N * size_of::<T>() } {
+        if const { C::LEN == N } {
             // What rounding hides is always enough: then the loops for more digits aren't compiled.
             let hidden = F::epsilon().as_f64() / 8.0;
             let enough = |digits| {
@@ -144,7 +144,7 @@ fn group<S, E, F, T, C, O, const G: usize, const N: usize>(
     E: Exponent,
     F: Reciprocal,
     T: Real,
-    C: Linear<T>,
+    C: Numbers<Real = T>,
     O: Output<T, C>,
 {
     let zero = F::splat(simd, F::from_f64(0.0));
@@ -168,7 +168,7 @@ fn group<S, E, F, T, C, O, const G: usize, const N: usize>(
     for (y, q) in ys.iter().zip(qs) {
         let [y0, y1, y2] = y.to_array();
         let y = [F::splat(simd, same(y0)), F::splat(simd, same(y1)), F::splat(simd, same(y2))];
-        let columns = to_columns::<T, C, F, N>(q);
+        let columns = to_columns::<C, F, N>(q);
         let mut q = [zero; N];
         for n in 0..N {
             q[n] = F::splat(simd, columns[n]);
@@ -212,13 +212,13 @@ fn group<S, E, F, T, C, O, const G: usize, const N: usize>(
             }
         }
         for (i, u) in us.iter_mut().enumerate() {
-            let mut gradient = [C::zero(); 3];
+            let mut gradient: [C; 3] = Numbers::zero();
             if O::GRADIENT {
                 for c in 0..3 {
-                    gradient[c] = from_columns::<T, C, F, N, LANES>(&slopes[c], i);
+                    gradient[c] = from_columns::<C, F, N, LANES>(&slopes[c], i);
                 }
             }
-            O::add(u, &from_columns::<T, C, F, N, LANES>(&sums, i), &gradient);
+            O::add(u, &from_columns::<C, F, N, LANES>(&sums, i), &gradient);
         }
     }
 }
@@ -270,7 +270,7 @@ mod tests {
     use super::*;
     use crate::exponent::{MinusFour, MinusOne, MinusTwo, PlusTwo};
     use crate::output::{PotentialGradient, WithGradient};
-    use farfield::{Additive, DispatchLevel};
+    use farfield::{DispatchLevel, Numbers};
 
     fn points<T: Real>(n: usize, shift: f64) -> Vec<Point<T>> {
         let fraction = |i: usize, step: f64| T::from_f64((i as f64 * step + shift).fract() - 0.5);
@@ -302,7 +302,7 @@ mod tests {
         let qs: Vec<T> = (0..ys.len()).map(|j| T::from_f64((j as f64).cos())).collect();
         let pairs: Vec<[T; 2]> = qs.iter().map(|&q| [T::from_f64(1.0), q]).collect();
         let types = PhantomData;
-        let mut single = vec![<T as Additive>::zero(); xs.len()];
+        let mut single = vec![<T as Numbers>::zero(); xs.len()];
         let us = &mut single[..];
         let block = Block::<E, F, T, T, crate::Potential> { xs, ys, qs: &qs, tolerance, us, types };
         assert_eq!(level.run(block), Outcome::Done);

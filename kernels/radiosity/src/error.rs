@@ -3,7 +3,7 @@
 use std::convert::Infallible;
 
 /// Every way in which this crate refuses an input or gives up on a solution.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[derive(Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
     /// A surfel's position has a coordinate that is NaN or infinite.

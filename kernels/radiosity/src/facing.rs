@@ -1,6 +1,6 @@
 //! The facing mask: which cells lie wholly in front of each other.
 
-use farfield::{CellView, Columns, Coverage, Mask, Real, Vector};
+use farfield::{CellView, Coverage, Mask, Numbers, Real, Vector};
 
 use crate::bounds::Bounds;
 use crate::kernel::Irradiance;
@@ -14,7 +14,7 @@ use crate::surfel::{Projections, Surfel};
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Facing;
 
-impl<T: Real, C: Columns<T>> Mask<Irradiance<T, C>> for Facing {
+impl<T: Real, C: Numbers<Real = T>> Mask<Irradiance<T, C>> for Facing {
     fn cells(
         &self,
         targets: CellView<'_, Surfel<T>>,

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::marker::PhantomData;
 
-use farfield::{Columns, Kernel, Point, PointKernel, Real, Vector};
+use farfield::{Kernel, Numbers, Point, Real, Vector};
 
 use crate::near_field::{Block, Pairs};
 use crate::surfel::{Projections, Surfel};
@@ -23,7 +23,7 @@ use crate::surfel::{Projections, Surfel};
 /// The charge is the radiosity B [W/m²], the value is H in the same units; `C` is a number or, for
 /// several bands, an array. Both kernels are 0 at coincident points.
 ///
-/// As a [`PointKernel`]: densities n_y A_y B (3), entries T_ij = d_i d_j / (π r⁴) with d = x − y, and
+/// As a formula: densities n_y A_y B (3), entries T_ij = d_i d_j / (π r⁴) with d = x − y, and
 /// H = −n_x·Φ from the fields Φ (3), the irradiance vector. T is a degree −2 homogeneous tensor,
 /// symmetric in (i, j); unlike the numerator multiplied out, it doesn't cancel at grazing angles.
 pub struct Irradiance<T, C = T> {
@@ -54,7 +54,7 @@ impl<T: Real, C> Irradiance<T, C> {
     }
 }
 
-impl<T: Real, C: Columns<T>> Irradiance<T, C> {
+impl<T: Real, C: Numbers<Real = T>> Irradiance<T, C> {
     fn block(
         &self,
         xs: &[Surfel<T>],
@@ -88,12 +88,13 @@ impl<T, C> fmt::Debug for Irradiance<T, C> {
     }
 }
 
-impl<T: Real, C: Columns<T>> Kernel for Irradiance<T, C> {
+impl<T: Real, C: Numbers<Real = T>> Kernel for Irradiance<T, C> {
     type Real = T;
     type Source = Surfel<T>;
     type Target = Surfel<T>;
     type Charge = C;
     type Value = C;
+    type Entry = T;
 
     #[inline(always)]
     fn add(&self, x: &Surfel<T>, y: &Surfel<T>, q: &C, u: &mut C) {
@@ -122,13 +123,21 @@ impl<T: Real, C: Columns<T>> Kernel for Irradiance<T, C> {
     ) {
         self.block(xs, ys, qs, Pairs::Set(bits), tolerance, us);
     }
-}
 
-impl<T: Real, C: Columns<T>> PointKernel for Irradiance<T, C> {
-    type Entry = T;
-    type Column = C;
-    const DENSITIES: usize = 3;
-    const FIELDS: usize = 3;
+    #[inline(always)]
+    fn fields(&self) -> usize {
+        3
+    }
+
+    #[inline(always)]
+    fn densities(&self) -> usize {
+        3
+    }
+
+    #[inline(always)]
+    fn columns(&self) -> usize {
+        C::LEN
+    }
 
     #[inline(always)]
     fn entries(&self, x: Point<T>, y: Point<T>, g: &mut [T]) {
@@ -141,17 +150,20 @@ impl<T: Real, C: Columns<T>> PointKernel for Irradiance<T, C> {
     }
 
     #[inline(always)]
-    fn density(&self, y: &Surfel<T>, q: &C, d: &mut [C]) {
-        for (density, n) in d.iter_mut().zip(y.normal.to_array()) {
-            *density = C::zero();
-            density.add_scaled(n * y.area, q);
+    fn density(&self, y: &Surfel<T>, q: &C, d: &mut [T]) {
+        for (density, n) in d.chunks_exact_mut(C::LEN.max(1)).zip(y.normal.to_array()) {
+            for (column, density) in density.iter_mut().enumerate() {
+                *density = n * y.area * q.get(column);
+            }
         }
     }
 
     #[inline(always)]
-    fn value(&self, x: &Surfel<T>, fields: &[C], _gradients: &[[C; 3]], u: &mut C) {
-        for (field, n) in fields.iter().zip(x.normal.to_array()) {
-            u.add_scaled(-n, field);
+    fn value(&self, x: &Surfel<T>, fields: &[T], _gradients: &[[T; 3]], u: &mut C) {
+        for (field, n) in fields.chunks_exact(C::LEN.max(1)).zip(x.normal.to_array()) {
+            for (column, &field) in field.iter().enumerate() {
+                u.set(column, u.get(column) - n * field);
+            }
         }
     }
 }
@@ -160,7 +172,7 @@ impl<T: Real, C: Columns<T>> PointKernel for Irradiance<T, C> {
 mod tests {
     use super::*;
     use approx::assert_relative_eq;
-    use farfield::conformance::{Samples, check, check_point_kernel};
+    use farfield::conformance::{Samples, check, check_kernel};
     use farfield::{Interpolation, direct};
     use glam::DVec3;
 
@@ -173,7 +185,7 @@ mod tests {
     fn two_parallel_surfels_at_unit_distance_exchange_one_over_pi() {
         let x = surfel([0.0, 0.0, 1.0], [0.0, 0.0, -1.0], 9.0);
         let y = surfel([0.0, 0.0, 0.0], [0.0, 0.0, 1.0], 0.5);
-        let h = direct(&Irradiance::clamped(), &[y], &[4.0], &[x]);
+        let h = direct(&Irradiance::clamped(), &[y], &[4.0], &[x]).unwrap();
         assert_relative_eq!(h[0], 4.0 * 0.5 / std::f64::consts::PI, max_relative = 1e-15);
     }
 
@@ -207,7 +219,7 @@ mod tests {
             charge: |i| [1.0, -2.0, 0.5].map(|b| b + (i as f64).cos()),
         };
         let kernel = Irradiance::<f64, [f64; 3]>::signed();
-        check_point_kernel(&kernel, &samples, 1e-14).unwrap();
+        check_kernel(&kernel, &samples, 1e-14).unwrap();
         check(Interpolation::new(kernel).order(5), &samples, 5e-2).unwrap();
     }
 

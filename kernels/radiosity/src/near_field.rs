@@ -5,7 +5,7 @@
 
 #![expect(clippy::needless_range_loop, reason = "closures of iterators may not be inlined")]
 
-use farfield::{Columns, Real, Vector, dispatch};
+use farfield::{Numbers, Real, Vector, dispatch};
 use farfield_potentials::registers::Registers;
 use pulp::{Simd, WithSimd};
 
@@ -41,7 +41,7 @@ const LANES: usize = 16;
 /// Single precision is taken for tolerances from here on: its round-off of 6e-8, some ten times over.
 const SINGLE: f64 = 1e-6;
 
-impl<T: Real, C: Columns<T>> Block<'_, T, C> {
+impl<T: Real, C: Numbers<Real = T>> Block<'_, T, C> {
     /// Adds the block with the best instructions that the machine has.
     pub(crate) fn run(self) {
         dispatch(self)
@@ -60,7 +60,7 @@ impl<T: Real, C: Columns<T>> Block<'_, T, C> {
     #[inline(always)]
     fn sum<S: Simd, R: Registers, const N: usize>(&mut self, simd: S, first: usize) {
         let Self { clamped, xs, ys, qs, pairs, .. } = *self;
-        let width = N.min(C::WIDTH - first);
+        let width = N.min(C::LEN - first);
         let Some(origin) = xs.first().map(|x| x.position.to_array().map(T::as_f64)) else { return };
         // Lengths of at most about one: nothing overflows, however small or large the scene.
         let away = |p: [T; 3]| (0..3).map(move |k| (p[k].as_f64() - origin[k]).abs());
@@ -84,7 +84,7 @@ impl<T: Real, C: Columns<T>> Block<'_, T, C> {
                         pack.normal[k][lane] = R::from_f64(normal[k].as_f64());
                     }
                     for n in 0..width {
-                        pack.charge[n][lane] = R::from_f64(weight * q.column(first + n).as_f64());
+                        pack.charge[n][lane] = R::from_f64(weight * q.get(first + n).as_f64());
                     }
                 }
                 pack
@@ -103,18 +103,18 @@ impl<T: Real, C: Columns<T>> Block<'_, T, C> {
             };
             let sums = at_target::<S, R, N>(simd, clamped, &packs, counting, at, normal);
             for (n, sum) in sums.into_iter().enumerate().take(width) {
-                u.set_column(first + n, u.column(first + n) + T::from_f64(sum.as_f64()));
+                u.set(first + n, u.get(first + n) + T::from_f64(sum.as_f64()));
             }
         }
     }
 }
 
-impl<T: Real, C: Columns<T>> WithSimd for Block<'_, T, C> {
+impl<T: Real, C: Numbers<Real = T>> WithSimd for Block<'_, T, C> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, simd: S) {
-        match C::WIDTH {
+        match C::LEN {
             1 => self.columns::<S, 1>(simd, 0),
             2 => self.columns::<S, 2>(simd, 0),
             3 => self.columns::<S, 3>(simd, 0),
@@ -289,7 +289,7 @@ mod tests {
         tolerance: f64,
         bound: f64,
     ) where
-        [T; N]: Columns<T>,
+        [T; N]: Numbers<Real = T>,
     {
         let charge = |j: usize, k: usize| T::from_f64((1.7 * j as f64 + k as f64).sin() + 0.5);
         let qs: Vec<[T; N]> =

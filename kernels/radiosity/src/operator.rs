@@ -256,7 +256,7 @@ mod tests {
 
     fn sums(scene: &Scene) -> impl Fn(&[[f64; 1]]) -> Result<Vec<[f64; 1]>, farfield::Error> {
         let surfels: Vec<Surfel> = scene.surfels.clone();
-        move |b| Ok(direct(&Irradiance::clamped(), &surfels, b, &surfels))
+        move |b| Ok(direct(&Irradiance::clamped(), &surfels, b, &surfels).unwrap())
     }
 
     /// The operator of centroids alone.
@@ -430,9 +430,9 @@ mod tests {
         let short = |_: &[[f64; 1]]| Ok(vec![[1.0]; 5]);
         let none = Corrections::none(&scene.elements);
         let mut operator = RadiosityOperator::new(&scene.elements, short, none.clone()).unwrap();
-        let error = Error::LengthMismatch { what: "irradiance", expected: 24, found: 5 };
-        assert_eq!(operator.row_sums(), Err(error.clone()));
-        assert_eq!(operator.close(Enclosure::Open, 0.5), Err(error));
+        let error = || Error::LengthMismatch { what: "irradiance", expected: 24, found: 5 };
+        assert_eq!(operator.row_sums(), Err(error()));
+        assert_eq!(operator.close(Enclosure::Open, 0.5), Err(error()));
         let failing = |_: &[[f64; 1]]| Err(farfield::Error::InvalidLeafSize);
         let operator = RadiosityOperator::new(&scene.elements, failing, none).unwrap();
         assert_eq!(operator.row_sums(), Err(Error::Sum(farfield::Error::InvalidLeafSize)));

@@ -2,7 +2,7 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use farfield::{CellView, Columns, Coverage, Mask, Real};
+use farfield::{CellView, Coverage, Mask, Numbers, Real};
 
 use crate::asked::Asked;
 use crate::bvh::Occluders;
@@ -174,7 +174,7 @@ fn even(count: usize, key: u64) -> usize {
     if mixed(key) >> 63 == 0 { count - odd } else { count + odd }
 }
 
-impl<T: Real, C: Columns<T>> Mask<Irradiance<T, C>> for Visibility<'_> {
+impl<T: Real, C: Numbers<Real = T>> Mask<Irradiance<T, C>> for Visibility<'_> {
     fn cells(
         &self,
         targets: CellView<'_, Surfel<T>>,
