@@ -7,18 +7,16 @@ mod kernels;
 #[path = "../suite/clouds.rs"]
 #[allow(dead_code, reason = "the suite uses all of it")]
 mod random;
-#[path = "../../examples/accuracy_speed/stokeslet.rs"]
-mod stokeslet;
 
 use std::env;
 
 use farfield::{Error, Fmm, Point, PointKernel, Real, direct, from_fn, relative_l2_error};
+use farfield_testing::stokeslet::Stokeslet;
 use glam::{DVec3, Vec3};
 use num_complex::Complex;
 
 use clouds::POINTS;
 use kernels::{Formula, REALS, SINGLES, wave};
-use stokeslet::Stokeslet;
 
 /// Where the charges come from; printed with what fails.
 const SEED: u64 = 11;
