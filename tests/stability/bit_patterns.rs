@@ -11,9 +11,9 @@ use farfield::{
     Error, Expansion, Fmm, Kernel, MAX_LEVEL, Point, PointSet, Real, Scheme, Vector, direct,
 };
 use farfield_potentials::{HarmonicExpansion, InverseDistance};
+use farfield_testing::clouds::Random;
 use glam::{DVec3, Vec3};
 
-use crate::clouds::Random;
 use crate::plain;
 use crate::table::row;
 

@@ -2,10 +2,10 @@
 
 use farfield::{Cell, Error, Expansion, Fmm, Kernel, Located, direct, from_fn, relative_l2_error};
 use farfield_potentials::harmonic::{Harmonic, Scratch};
+use farfield_testing::clouds::{self, Random, charges};
 use glam::DVec3;
 use num_complex::Complex;
 
-use crate::clouds::{self, Random, charges};
 use crate::table::row;
 use crate::{Formula, build, error, plain};
 

@@ -4,9 +4,9 @@ use farfield::{
     CellView, Certificate, Coverage, Error, Fmm, Kernel, Mask, Sampling, Scheme, direct,
     direct_masked, from_fn, relative_l2_error,
 };
+use farfield_testing::clouds::{self, Random};
 use glam::{DVec3, Vec3};
 
-use crate::clouds::{self, Random};
 use crate::{plain, single};
 
 /// Charges of the kinds that sums are made of: of either sign, of one, or few and large.
