@@ -2,8 +2,6 @@
 
 use std::fmt;
 
-use crate::estimate::Estimate;
-
 /// Which of the two point sets an error speaks of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PointSet {
@@ -123,13 +121,13 @@ pub enum Error {
         /// What it must be.
         expected: &'static str,
     },
-    /// The plan would need more memory than it may have.
-    #[error("the plan would need about {} bytes: expected at most {budget}", estimate.bytes())]
+    /// The plan and one workspace would need more memory than they may have.
+    #[error("the plan would need about {needed} bytes: expected at most {budget}")]
     OverMemoryBudget {
-        /// The bytes that it may have.
+        /// The bytes that they may have.
         budget: usize,
-        /// What it would cost.
-        estimate: Box<Estimate>,
+        /// The bytes that they would need, as [`Estimate::bytes`](crate::Estimate::bytes) foretells.
+        needed: usize,
     },
     /// A leaf size of zero.
     #[error("leaf size 0: expected at least 1 point per leaf")]

@@ -39,68 +39,37 @@
 //! same bits for any number of threads. Input that can't be summed gets an [`Error`] that names it.
 //! [`direct`] is the reference for everything.
 
-// Each module imports only from those above it.
-mod estimate;
+// Each folder imports only from those above it.
 mod error;
-mod products;
-mod dense;
-mod real;
-mod random;
 mod parallel;
-mod double_word;
-mod geometry;
-mod morton;
-mod shape;
-mod dispatch;
+mod linalg;
+mod numbers;
+mod octree;
 mod kernel;
 mod expansion;
-mod pool;
-mod chebyshev;
-mod probe;
+mod interaction;
 mod interpolation;
-mod tree;
-mod mask;
-mod grouped;
-mod offsets;
-mod lists;
-mod cell_mask;
-mod traversal;
-mod survey;
-mod grove;
-mod layout;
-mod times;
-mod near;
 mod plan;
-mod passes;
-mod judge;
-mod sampling;
-mod stats;
-mod pace;
-mod forecast;
-mod choice;
-mod fmm;
-mod builder;
 mod certificate;
-mod report;
-mod exact;
 pub mod conformance;
 
-pub use builder::Builder;
 pub use certificate::Certificate;
+pub use certificate::sampling::Sampling;
 pub use error::{Error, PointSet};
-pub use estimate::Estimate;
 pub use expansion::{
     ChargeOf, Expansion, Geometry, Level, LevelFamilies, LevelPairs, OffsetMap, RealOf, SourceOf,
     TargetOf, ValueOf,
 };
-pub use fmm::Fmm;
-pub use geometry::{Cell, Cube, MAX_LEVEL};
-pub use interpolation::{Interpolation, MAX_ORDER};
+pub use interpolation::black_box::Interpolation;
+pub use interpolation::tuning::MAX_ORDER;
+pub use kernel::mask::{CellView, Coverage, Mask, Unmasked, direct_masked};
 pub use kernel::{FnKernel, Kernel, Outcome, PointKernel, direct, from_fn, relative_l2_error};
-pub use mask::{CellView, Coverage, Mask, Unmasked, direct_masked};
+pub use numbers::real::{Additive, Columns, Linear, Located, Point, Real, Scalar, Vector};
+pub use octree::geometry::{Cell, Cube, MAX_LEVEL};
 pub use plan::Scheme;
-pub use real::{Additive, Columns, Linear, Located, Point, Real, Scalar, Vector};
-pub use report::{LevelReport, Report};
-pub use sampling::Sampling;
-pub use stats::Stats;
-pub use times::{ApplyTimes, BuildTimes, Phase, Progress};
+pub use plan::builder::Builder;
+pub use plan::estimate::Estimate;
+pub use plan::fmm::Fmm;
+pub use plan::report::{LevelReport, Report};
+pub use plan::stats::Stats;
+pub use plan::times::{ApplyTimes, BuildTimes, Phase, Progress};

@@ -8,16 +8,17 @@ use std::ops::Range;
 
 use pulp::Simd;
 
-use crate::chebyshev::Chebyshev;
-use crate::dense::{Dense, Matrix, Svd};
 use crate::error::Error;
+use crate::interpolation::budget::SKELETON_SHARE;
+use crate::interpolation::chebyshev::Chebyshev;
 use crate::interpolation::far_field::FarField;
-use crate::interpolation::lanes::Padded;
+use crate::interpolation::lanes::{Padded, row};
 use crate::interpolation::means::INTERACTION_OFFSETS;
-use crate::interpolation::points::row;
+use crate::interpolation::probe::{Formula, zero};
+use crate::linalg::dense::{Dense, Svd};
+use crate::linalg::matrix::Matrix;
+use crate::numbers::real::{Point, Real, Scalar};
 use crate::parallel;
-use crate::probe::{Formula, zero};
-use crate::real::{Point, Real, Scalar};
 
 /// Functions on a cell, and the points that determine them.
 #[derive(Debug)]
@@ -78,9 +79,6 @@ struct Part<S> {
     sigma: Vec<f64>,
 }
 
-/// The skeleton resolves this fraction of what the basis leaves out.
-const SKELETON_FRACTION: f64 = 0.05;
-
 impl<S: Scalar> Spectrum<S> {
     /// The singular vectors of the far field, parity by parity if its components have parities.
     pub(crate) fn new(
@@ -122,7 +120,7 @@ impl<S: Scalar> Spectrum<S> {
     /// The fewest functions that leave out at most `cut`, root mean square per sample; their skeleton.
     pub(crate) fn basis(&self, cut: f64, rule: &Chebyshev<S::Real>) -> Basis<S> {
         let (functions, parities, blocks) = self.functions(cut, rule.len());
-        let (fine, ..) = self.functions(SKELETON_FRACTION * cut, rule.len());
+        let (fine, ..) = self.functions(SKELETON_SHARE * cut, rule.len());
         let skeleton = if functions.columns == 0 {
             Skeleton { points: Vec::new(), from_values: functions.transpose() }
         } else {

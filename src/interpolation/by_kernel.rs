@@ -1,12 +1,12 @@
 //! M2L, M2P and P2L through the kernel itself, between skeleton points: for offsets that no operator
 //! was built for, and for kernels that are not translation invariant.
 
-use crate::geometry::Cell;
-use crate::interpolation::Interpolation;
+use crate::interpolation::black_box::Interpolation;
 use crate::interpolation::prepared::Prepared;
+use crate::interpolation::probe::zero;
 use crate::kernel::{Outcome, PointKernel};
-use crate::probe::zero;
-use crate::real::{Additive, Columns, Located, Point, Real, Scalar};
+use crate::numbers::real::{Additive, Columns, Located, Point, Real, Scalar};
+use crate::octree::geometry::Cell;
 
 impl<K: PointKernel> Interpolation<K> {
     /// Charges at the source's skeleton, values at the target's, taken by `weight`.

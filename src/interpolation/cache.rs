@@ -6,8 +6,9 @@ use std::sync::{Arc, Mutex};
 
 use crate::interpolation::far_field::FarField;
 use crate::interpolation::operators::{Accuracy, Operators, Sizes};
-use crate::probe::Formula;
-use crate::real::{Real, Scalar};
+use crate::interpolation::probe::Formula;
+use crate::interpolation::tuning::CAPACITY;
+use crate::numbers::real::{Real, Scalar};
 
 /// What a kernel is known by: its type, and its values at sample points of every level, so that two
 /// kernels of one type with different parameters are told apart.
@@ -18,9 +19,6 @@ pub(crate) struct Key {
     half_widths: Vec<u64>,
     fingerprint: u64,
 }
-
-/// How many sets of operators are remembered.
-const CAPACITY: usize = 24;
 
 static CACHE: Mutex<Vec<(Key, Arc<dyn Any + Send + Sync>)>> = Mutex::new(Vec::new());
 

@@ -1,19 +1,14 @@
 //! The error of a level's operators, measured between points of its cells.
 
-use crate::dense::Matrix;
 use crate::interpolation::basis::{Basis, product};
 use crate::interpolation::far_field::products;
 use crate::interpolation::level::{LevelOperators, Request};
 use crate::interpolation::means::{Means, corner, facing, interaction_offsets, is_nearest};
+use crate::interpolation::probe::{sample, zero};
+use crate::interpolation::tuning::{CHECK_POINTS, CORNER_LEVELS};
+use crate::linalg::matrix::Matrix;
+use crate::numbers::real::{Additive, Point, Real, Scalar, Vector};
 use crate::parallel;
-use crate::probe::{sample, zero};
-use crate::real::{Additive, Point, Real, Scalar, Vector};
-
-/// Random points per cell.
-const POINTS: usize = 32;
-
-/// How many levels below have the same corner: a cluster there goes through all of them.
-const CORNER_LEVELS: usize = 4;
 
 impl<S: Scalar> Request<'_, S> {
     /// The error between random points, and between a corner and those nearest to it, relative to the
@@ -22,10 +17,11 @@ impl<S: Scalar> Request<'_, S> {
     pub(crate) fn check(&self, level: &LevelOperators<S>) -> f64 {
         let (fields, densities) = (self.kernel.fields, self.kernel.densities);
         let [from, to] = [&level.bases.source, &level.bases.target];
-        let random = |first: usize| (0..POINTS).map(|i| sample::<S::Real>(first + i)).collect();
+        let random =
+            |first: usize| (0..CHECK_POINTS).map(|i| sample::<S::Real>(first + i)).collect();
         let anywhere = [
             self.probes(from, densities, random(1000), 1),
-            self.probes(to, fields, random(1000 + POINTS), 1),
+            self.probes(to, fields, random(1000 + CHECK_POINTS), 1),
         ];
         let corners = || (0..8).map(corner::<S::Real>).collect();
         let corners = self.scale.grows().then(|| {
@@ -36,7 +32,7 @@ impl<S: Scalar> Request<'_, S> {
         });
         let offsets: Vec<[i32; 3]> = interaction_offsets().collect();
         let errors: Vec<[f64; 2]> = parallel::map(offsets.len(), &|i| {
-            let error = self.squared_error(level, offsets[i], &anywhere, 0..POINTS);
+            let error = self.squared_error(level, offsets[i], &anywhere, 0..CHECK_POINTS);
             let corner = facing(offsets[i], i);
             let corners = corners
                 .as_ref()

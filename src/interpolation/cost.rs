@@ -3,9 +3,13 @@
 use std::sync::OnceLock;
 use std::time::Instant;
 
-use crate::dense::{Dense, Matrix};
 use crate::interpolation::operators::Accuracy;
-use crate::real::Scalar;
+use crate::interpolation::tuning::{
+    CELL_SECONDS, MOVE_SECONDS, OTHER_SHARE, SINGLE_DIGITS, SORT_SECONDS,
+};
+use crate::linalg::dense::Dense;
+use crate::linalg::matrix::Matrix;
+use crate::numbers::real::Scalar;
 
 /// The leaf size at which the direct sums with 27 neighbours cost as much as the translations with 189
 /// far cells, for ranks like those of 1/r at this accuracy.
@@ -46,20 +50,6 @@ fn digits(accuracy: Accuracy) -> f64 {
         Accuracy::Order(order) => (order as f64 - 1.5).clamp(1.0, 14.0),
     }
 }
-
-/// To so many digits M2L works in single precision.
-const SINGLE_DIGITS: f64 = 7.0;
-
-/// Seconds to read or write one number in a core's cache.
-const MOVE_SECONDS: f64 = 1.5e-10;
-
-/// Seconds to find the matrix of a pair of cells and to put the pair in order.
-const SORT_SECONDS: f64 = 2.8e-8;
-
-/// Seconds that P2M, M2M, L2L and L2P take for any cell, and the share of the rate of M2L that their
-/// products reach.
-const CELL_SECONDS: f64 = 1.5e-6;
-const OTHER_SHARE: f64 = 0.3;
 
 /// Floating-point operations per second of one core in products like those of M2L, measured once.
 fn flop_rate() -> f64 {

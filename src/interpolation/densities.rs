@@ -1,44 +1,12 @@
 //! P2M and L2P: from a cell's charges to densities and moments, and from fields to values.
 
-use crate::geometry::Cell;
-use crate::interpolation::Interpolation;
-use crate::interpolation::points::{self, Fields, Moments, Powers, row};
+use crate::interpolation::black_box::Interpolation;
+use crate::interpolation::lanes::row;
+use crate::interpolation::points::{self, Fields, Moments};
+use crate::interpolation::scratch::Scratch;
 use crate::kernel::PointKernel;
-use crate::real::{Additive, Columns, Located, Real, Scalar, Vector};
-
-/// What P2M and L2P write to in passing.
-pub(super) struct Scratch<K: PointKernel> {
-    powers: Powers<K::Real>,
-    /// Positions in half-widths.
-    points: Vec<[K::Real; 3]>,
-    /// Densities or fields of all points, one array per column, part and component.
-    numbers: Vec<K::Real>,
-    /// Coefficients in padded arrays, likewise.
-    arrays: Vec<K::Real>,
-    /// Densities or fields of one point.
-    columns: Vec<K::Column>,
-    gradients: Vec<[K::Column; 3]>,
-    sums: Vec<K::Entry>,
-}
-
-impl<K: PointKernel> Scratch<K> {
-    pub(super) fn new(n: usize) -> Self {
-        Self {
-            powers: Powers::new(n),
-            points: Vec::new(),
-            numbers: Vec::new(),
-            arrays: Vec::new(),
-            columns: vec![K::Column::zero(); K::FIELDS.max(K::DENSITIES)],
-            gradients: vec![[K::Column::zero(); 3]; if K::GRADIENT { K::FIELDS } else { 0 }],
-            sums: Vec::new(),
-        }
-    }
-
-    fn set_points<P: Located<Real = K::Real>>(&mut self, cell: &Cell<K::Real>, points: &[P]) {
-        self.points.clear();
-        self.points.extend(points.iter().map(|p| cell.normalised(p.position()).to_array()));
-    }
-}
+use crate::numbers::real::{Additive, Columns, Real, Scalar};
+use crate::octree::geometry::Cell;
 
 impl<K: PointKernel> Interpolation<K> {
     /// P2M.

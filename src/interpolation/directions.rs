@@ -11,30 +11,19 @@
 //! are the same for all of them but for signs: they are taken once, and added up for every reflection.
 
 use std::ops::Range;
-use std::sync::Arc;
 
 use num_traits::Float;
 
-use crate::dense::Matrix;
 use crate::expansion::OffsetMap;
+use crate::interpolation::bases::Bases;
 use crate::interpolation::basis::{Basis, adjoint};
+use crate::interpolation::budget::{ROUNDING_SHARE, SINGLE_ROUNDING};
+use crate::interpolation::probe::{Formula, norm_squared, power_of_two, zero};
 use crate::interpolation::ranges::{Factors, Side};
+use crate::linalg::batched::Batched;
+use crate::linalg::matrix::Matrix;
+use crate::numbers::real::{Real, Scalar};
 use crate::parallel;
-use crate::probe::{Formula, norm_squared, power_of_two, zero};
-use crate::products::Batched;
-use crate::real::{Real, Scalar};
-
-/// The bases of cells of one size.
-#[derive(Debug)]
-pub(crate) struct Bases<S: Scalar> {
-    pub(crate) half_width: S::Real,
-    pub(crate) source: Arc<Basis<S>>,
-    pub(crate) target: Arc<Basis<S>>,
-    /// Whether a reflected offset has the same matrix, with signs on rows and columns.
-    pub(crate) reflected: bool,
-    /// What an M2L matrix may leave out (Frobenius norm).
-    pub(crate) cut: f64,
-}
 
 /// The matrices of the directions that are reflections of one.
 #[derive(Debug)]
@@ -189,11 +178,6 @@ impl<S: Scalar> Bases<S> {
         (negative(0) | negative(1) | negative(2), image)
     }
 
-    /// The axes across directions that lie along `axes`; none without reflections.
-    pub(crate) fn across(&self, axes: u8) -> u8 {
-        if self.reflected { !axes & 7 } else { 0 }
-    }
-
     /// The axes along which a direction and its reflections lie.
     fn axes(&self, offset: [i32; 3]) -> u8 {
         let along = |axis: usize| u8::from(self.reflected && offset[axis].abs() >= 2) << axis;
@@ -296,12 +280,6 @@ fn reflect<R: Scalar>(
         }
     }
 }
-
-/// The relative error of products in single precision, root mean square.
-const SINGLE_ROUNDING: f64 = 4e-8;
-
-/// The share of a cut-off that rounding may add.
-const ROUNDING_SHARE: f64 = 1.0;
 
 #[cfg(test)]
 mod tests {

@@ -6,8 +6,9 @@ use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use pulp::{Arch, Simd, WithSimd};
 
 use crate::interpolation::directions::Group;
-use crate::probe::zero;
-use crate::real::Scalar;
+use crate::interpolation::probe::zero;
+use crate::interpolation::tuning::EXCHANGE_BLOCK;
+use crate::numbers::real::Scalar;
 
 /// A pair of cells of one level.
 #[derive(Clone, Copy, Debug, Default)]
@@ -18,9 +19,6 @@ pub(crate) struct Pair {
     /// Its core, counted over all directions.
     pub(crate) core: u32,
 }
-
-/// Sources whose coordinates are computed together.
-pub(crate) const BLOCK: usize = 128;
 
 /// The coordinates of all sources in one precision. Those of a block's sources in the directions of one
 /// group stand together, source after source and direction after direction.
@@ -118,7 +116,7 @@ impl<R: Scalar> Exchange<R> {
             for pair in pairs {
                 let (s, t) = (pair.source as usize, usize::from(pair.target));
                 receives[t] = true;
-                let y = s / BLOCK * sent.block_len + s % BLOCK * columns * y_len;
+                let y = s / EXCHANGE_BLOCK * sent.block_len + s % EXCHANGE_BLOCK * columns * y_len;
                 for c in 0..columns {
                     places.push([y + c * y_len, (t * columns + c) * z_len]);
                 }
@@ -191,7 +189,8 @@ impl<R: Scalar, I: Iterator<Item = usize>> WithSimd for Reflections<'_, R, I> {
 mod tests {
     use glam::DVec3;
 
-    use crate::{Fmm, direct, from_fn, probe, relative_l2_error};
+    use crate::interpolation::probe;
+    use crate::{Fmm, direct, from_fn, relative_l2_error};
 
     #[test]
     fn all_sources_of_a_level_reach_all_their_targets() {

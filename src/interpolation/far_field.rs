@@ -2,35 +2,18 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-use crate::chebyshev::{Chebyshev, polynomials};
-use crate::dense::Matrix;
+use crate::interpolation::budget::NEIGHBOUR_SHARE;
+use crate::interpolation::chebyshev::{Chebyshev, polynomials};
 use crate::interpolation::means::{
     INTERACTION_OFFSETS, Means, corner, facing, interaction_offsets, is_nearest, weight,
 };
+use crate::interpolation::probe::{Formula, PointOf, norm_squared, sample, zero};
+use crate::interpolation::tuning::{
+    PER_NEAR_OFFSET, PER_OFFSET, PER_SHELL, SHELL_WEIGHT, TEST_SOURCES, TEST_TARGETS,
+};
+use crate::linalg::matrix::Matrix;
+use crate::numbers::real::{Point, Real, Scalar, Vector};
 use crate::parallel;
-use crate::probe::{Formula, PointOf, norm_squared, sample, zero};
-use crate::real::{Point, Real, Scalar, Vector};
-
-/// Far fields smaller than this fraction of what neighbouring cells exchange are held to its level,
-/// not to their own: a kernel that has died out needs no digits.
-const NEAR_FRACTION: f64 = 0.1;
-
-/// Sample sources per offset, and in cells within two, whose fields differ most from place to place.
-const PER_OFFSET: usize = 3;
-const PER_NEAR_OFFSET: usize = 12;
-
-/// Sample sources in each shell beyond the interaction list.
-const PER_SHELL: usize = 48;
-
-/// How much more a shell counts than one offset: about as much as all of them. For a kernel that does
-/// not decay, most of the sum comes from there, through the levels above.
-const SHELL_WEIGHT: f64 = 300.0;
-
-/// Sample targets in the cell at which the order is tested.
-const TEST_TARGETS: usize = 48;
-
-/// Sample sources whose fields are interpolated together.
-const TEST_SOURCES: usize = 16;
 
 /// The far field of the cell [−h, h]³: the sources that act on it, as seen in half-widths.
 pub(crate) struct FarField<T: Real> {
@@ -92,7 +75,7 @@ impl<T: Real> FarField<T> {
         }));
         let neighbour = Point::<T>::from_array([2.0, 0.0, 0.0].map(T::from_f64));
         let near = norm_squared(&self.entry(kernel, Point::<T>::default(), neighbour)).sqrt();
-        size.at_least(NEAR_FRACTION * near)
+        size.at_least(NEIGHBOUR_SHARE * near)
     }
 
     /// The far field in the polynomials of the cell: column after column for each density of each

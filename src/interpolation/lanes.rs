@@ -2,9 +2,9 @@
 
 use pulp::Simd;
 
-use crate::dense::Matrix;
-use crate::probe::zero;
-use crate::real::Scalar;
+use crate::interpolation::probe::zero;
+use crate::linalg::matrix::Matrix;
+use crate::numbers::real::Scalar;
 
 /// Numbers that are summed side by side, in registers.
 pub(crate) const LANES: usize = 8;
@@ -21,6 +21,11 @@ pub(crate) fn fuse<V: Simd, S: Scalar>(a: &[S; LANES], b: &[S; LANES], sum: &mut
     for ((sum, &a), &b) in sum.iter_mut().zip(a).zip(b) {
         *sum = multiply_add::<V, S>(a, b, *sum);
     }
+}
+
+/// The length of a padded row of n² coefficients.
+pub(crate) fn row(n: usize) -> usize {
+    (n * n).next_multiple_of(LANES)
 }
 
 /// A matrix whose columns are filled up with zeros to whole registers: for products with one vector.
@@ -119,7 +124,7 @@ mod tests {
             let a = Matrix::from_fn(rows, columns, |i, j| ((3 * i + 7 * j) as f64).sin());
             let x: Vec<f64> = (0..columns).map(|j| (j as f64).cos()).collect();
             let mut y = vec![0.0; rows];
-            crate::dense::Dense::product(&a, &x, false, &mut y);
+            crate::linalg::dense::Dense::product(&a, &x, false, &mut y);
             let got = Arch::new().dispatch(Product(&Padded::new(&a), &x));
             assert!(crate::relative_l2_error(&got, &y) < 1e-15, "{rows} × {columns}");
         }

@@ -2,15 +2,17 @@
 
 use std::sync::Arc;
 
-use crate::chebyshev::Chebyshev;
 use crate::error::Error;
+use crate::interpolation::bases::Bases;
 use crate::interpolation::basis::Spectrum;
-use crate::interpolation::directions::Bases;
+use crate::interpolation::budget::truncation_share;
+use crate::interpolation::chebyshev::Chebyshev;
 use crate::interpolation::far_field::FarField;
 use crate::interpolation::means::{Means, interaction_offsets};
+use crate::interpolation::probe::{self, Formula, Parities};
 use crate::interpolation::transfer::Transfers;
-use crate::probe::{self, Formula, Parities};
-use crate::real::Scalar;
+use crate::interpolation::tuning::ATTEMPTS;
+use crate::numbers::real::Scalar;
 
 /// Operators between cells of one size.
 #[derive(Debug)]
@@ -35,16 +37,6 @@ pub(crate) struct Request<'a, S: Scalar> {
     pub(crate) accepted: f64,
 }
 
-/// The share of the tolerance that each truncation may use up at first, so that all of them are found to
-/// make the error that is accepted: a little less for every digit, and for far fields that are not
-/// sampled eight times over by their reflections.
-fn first_share(tolerance: f64, reflected: bool) -> f64 {
-    (0.11 + 0.002 * tolerance.log10()) * if reflected { 1.0 } else { 0.6 }
-}
-
-/// How often cut-offs are chosen anew.
-const ATTEMPTS: usize = 3;
-
 impl<S: Scalar> Request<'_, S> {
     /// Bases and M2L matrices, with the cut-offs tightened until sample pairs are accurate enough.
     pub(crate) fn build(&self) -> Result<LevelOperators<S>, Error> {
@@ -60,7 +52,7 @@ impl<S: Scalar> Request<'_, S> {
             false => Some(spectrum(&self.kernel.transpose(), |p| &p.densities)?),
         };
         let offsets: Vec<[i32; 3]> = interaction_offsets().collect();
-        let mut share = first_share(self.tolerance, parities.is_some());
+        let mut share = truncation_share(self.tolerance, parities.is_some());
         let mut attempt = 0;
         loop {
             let cut = share * self.tolerance * self.scale.least();

@@ -2,17 +2,21 @@
 
 use num_traits::Float;
 
-use crate::chebyshev::Chebyshev;
-use crate::dense::Matrix;
 use crate::error::Error;
-use crate::interpolation::MAX_ORDER;
 use crate::interpolation::basis::{adjoint, product};
+use crate::interpolation::budget::{
+    ACCEPTED_LEVEL_SHARE, ACCEPTED_SHARE, INTERPOLATION_SHARE, LIMITING_SHARE,
+    ORDER_TRUNCATION_SHARE, SAFE_SHARE,
+};
+use crate::interpolation::chebyshev::Chebyshev;
 use crate::interpolation::far_field::FarField;
 use crate::interpolation::level::{LevelOperators, Request};
 use crate::interpolation::means::Means;
+use crate::interpolation::probe::{self, Formula};
+use crate::interpolation::tuning::{MAX_ORDER, MORE_ORDERS, WHOLE_DENSITY};
+use crate::linalg::matrix::Matrix;
+use crate::numbers::real::{Real, Scalar};
 use crate::parallel;
-use crate::probe::{self, Formula};
-use crate::real::{Real, Scalar};
 
 /// What decides how much is kept.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -51,29 +55,6 @@ pub(crate) struct Sizes<T> {
     /// How far sources may be, in half-widths.
     pub(crate) extent: f64,
 }
-
-/// The share of the tolerance that interpolation, and then each truncation, may use up.
-pub(crate) const SHARE: f64 = 0.25;
-
-/// The share of the tolerance that errors between sample points may reach; more where they are also
-/// divided among levels.
-const ACCEPTED: f64 = 0.4;
-const ACCEPTED_OF_LEVEL: f64 = 0.5;
-
-/// How many times the samples are taken of a far field that does not fall into parities.
-const WHOLE_DENSITY: usize = 2;
-
-/// The share of the tolerance that an error may reach unless no order does better.
-const SAFE: f64 = 0.8;
-
-/// The share of the tolerance below which interpolation has no part in an error.
-const LIMITING: f64 = 0.1;
-
-/// How many orders more than interpolation alone seems to need are tried.
-const MORE_ORDERS: usize = 2;
-
-/// With a given order, the share of its error that truncation may add.
-const ORDER_SHARE: f64 = 0.03;
 
 impl Accuracy {
     pub(crate) fn check(self) -> Result<(), Error> {
@@ -115,12 +96,14 @@ impl<S: Scalar> Operators<S> {
         let (orders, tolerance, accepted, needed) = match accuracy {
             Accuracy::Order(order) => {
                 let floor = 16.0 * <S::Real as Float>::epsilon().as_f64();
-                let tolerance = ORDER_SHARE * worst(&Chebyshev::new(order)) / SHARE;
+                let tolerance =
+                    ORDER_TRUNCATION_SHARE * worst(&Chebyshev::new(order)) / INTERPOLATION_SHARE;
                 (order..=order, tolerance.max(floor), f64::INFINITY, f64::INFINITY)
             }
             Accuracy::Tolerance(requested) => {
                 let order = fewest_nodes(requested, worst)?.len();
-                let accepted = if sizes.homogeneous { ACCEPTED } else { ACCEPTED_OF_LEVEL };
+                let accepted =
+                    if sizes.homogeneous { ACCEPTED_SHARE } else { ACCEPTED_LEVEL_SHARE };
                 (order..=MAX_ORDER.min(order + MORE_ORDERS), requested, accepted, requested)
             }
         };
@@ -150,8 +133,9 @@ impl<S: Scalar> Operators<S> {
             let error = squares.sum::<f64>().sqrt();
             // One order more, rather than an error that sampling may have got wrong; but only if
             // interpolation has a part in it.
-            let try_next =
-                error > SAFE * needed && order < last && worst(&rule) > LIMITING * needed;
+            let try_next = error > SAFE_SHARE * needed
+                && order < last
+                && worst(&rule) > LIMITING_SHARE * needed;
             if error <= needed && !try_next {
                 let shifts = shifts(&rule, &levels);
                 return Ok(Self { rule, error, levels, shifts });
@@ -179,7 +163,7 @@ pub(crate) fn fewest_nodes<T: Real>(
 ) -> Result<Chebyshev<T>, Error> {
     let mut reachable = f64::INFINITY;
     let rule = (1..=MAX_ORDER).map(Chebyshev::new).find(|rule| {
-        let needed = error(rule) / SHARE;
+        let needed = error(rule) / INTERPOLATION_SHARE;
         reachable = reachable.min(needed);
         needed <= requested
     });

@@ -8,17 +8,11 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
-use crate::chebyshev::{derivatives_in_lanes, polynomials_in_lanes};
-use crate::interpolation::MAX_ORDER;
 use crate::interpolation::basis::Basis;
-use crate::interpolation::lanes::{LANES, fuse, multiply_add};
-use crate::real::{Real, Scalar};
-
-/// Points whose products T̂_j(y) T̂_k(z) are kept at once: a multiple of [`LANES`].
-const TOGETHER: usize = 32;
-
-/// Rows of coefficients, or sums over them, that share what they are multiplied by.
-const ROWS: usize = 4;
+use crate::interpolation::chebyshev::{derivatives_in_lanes, polynomials_in_lanes};
+use crate::interpolation::lanes::{LANES, fuse, multiply_add, row};
+use crate::interpolation::tuning::{MAX_ORDER, POINTS_TOGETHER, ROWS_TOGETHER};
+use crate::numbers::real::{Real, Scalar};
 
 /// P2M of a cell.
 pub(crate) struct Moments<'a, S: Scalar> {
@@ -107,20 +101,15 @@ pub(crate) const fn parts<S: Scalar>() -> usize {
     if S::COMPLEX { 2 } else { 1 }
 }
 
-/// Length of a padded row of n² coefficients.
-pub(crate) fn row(n: usize) -> usize {
-    (n * n).next_multiple_of(LANES)
-}
-
 /// The polynomials at some points.
 pub(crate) struct Powers<T> {
     n: usize,
     /// T̂_i(x), T̂_j(y), T̂_k(z) at [`LANES`] points, and their derivatives.
     values: [[[T; LANES]; MAX_ORDER]; 3],
     slopes: [[[T; LANES]; MAX_ORDER]; 3],
-    /// T̂_i(x) at [`TOGETHER`] points, and with densities as factors.
-    x: [[T; TOGETHER]; MAX_ORDER],
-    dx: [[T; TOGETHER]; MAX_ORDER],
+    /// T̂_i(x) at [`POINTS_TOGETHER`] points, and with densities as factors.
+    x: [[T; POINTS_TOGETHER]; MAX_ORDER],
+    dx: [[T; POINTS_TOGETHER]; MAX_ORDER],
     /// T̂_j(y) T̂_k(z), a row per point, zeros after each, and room for a register.
     yz: Vec<T>,
 }
@@ -128,8 +117,8 @@ pub(crate) struct Powers<T> {
 impl<T: Real> Powers<T> {
     pub(crate) fn new(n: usize) -> Self {
         let zero = T::from_f64(0.0);
-        let (values, x) = ([[[zero; LANES]; MAX_ORDER]; 3], [[zero; TOGETHER]; MAX_ORDER]);
-        let yz = vec![zero; TOGETHER * row(n) + MAX_ORDER];
+        let (values, x) = ([[[zero; LANES]; MAX_ORDER]; 3], [[zero; POINTS_TOGETHER]; MAX_ORDER]);
+        let yz = vec![zero; POINTS_TOGETHER * row(n) + MAX_ORDER];
         Self { n, values, slopes: values, x, dx: x, yz }
     }
 
@@ -143,20 +132,20 @@ impl<T: Real> Powers<T> {
         moments: &mut [T],
     ) {
         let (n, row) = (self.n, row(self.n));
-        for (chunk, together) in points.chunks(TOGETHER).enumerate() {
+        for (chunk, together) in points.chunks(POINTS_TOGETHER).enumerate() {
             self.tabulate(together);
             let columns = densities.chunks_exact(points.len());
             for (moments, densities) in moments.chunks_exact_mut(n * row).zip(columns) {
-                let densities = &densities[chunk * TOGETHER..][..together.len()];
+                let densities = &densities[chunk * POINTS_TOGETHER..][..together.len()];
                 for (dx, x) in self.dx[..n].iter_mut().zip(&self.x) {
                     for ((dx, &x), &d) in dx.iter_mut().zip(x).zip(densities) {
                         *dx = d * x;
                     }
                 }
-                let (fours, rest) = self.dx[..n].as_chunks::<ROWS>();
-                let mut moments = moments.chunks_exact_mut(row * ROWS);
+                let (fours, rest) = self.dx[..n].as_chunks::<ROWS_TOGETHER>();
+                let mut moments = moments.chunks_exact_mut(row * ROWS_TOGETHER);
                 for (dx, moments) in fours.iter().zip(&mut moments) {
-                    add_rows::<V, T, ROWS>(dx, &self.yz, together.len(), row, moments);
+                    add_rows::<V, T, ROWS_TOGETHER>(dx, &self.yz, together.len(), row, moments);
                 }
                 let moments = moments.into_remainder().chunks_exact_mut(row);
                 for (dx, moments) in rest.iter().zip(moments) {
@@ -216,7 +205,7 @@ impl<T: Real> Powers<T> {
         }
     }
 
-    /// `x` and `yz` of up to [`TOGETHER`] points.
+    /// `x` and `yz` of up to [`POINTS_TOGETHER`] points.
     #[inline(always)]
     fn tabulate(&mut self, points: &[[T; 3]]) {
         let (n, row) = (self.n, row(self.n));
@@ -259,9 +248,14 @@ impl<T: Real> Powers<T> {
             // Σ_jk c_ijk T̂_j(y) T̂_k(z), with T̂_j'(y), with T̂_k'(z)
             let mut along = [zero; 3];
             let mut j = 0;
-            while j + ROWS <= n {
-                along_rows::<V, T, ROWS, GRADIENT>(&plane[j * n..], j, [y, dy, z, dz], &mut along);
-                j += ROWS;
+            while j + ROWS_TOGETHER <= n {
+                along_rows::<V, T, ROWS_TOGETHER, GRADIENT>(
+                    &plane[j * n..],
+                    j,
+                    [y, dy, z, dz],
+                    &mut along,
+                );
+                j += ROWS_TOGETHER;
             }
             while j < n {
                 along_rows::<V, T, 1, GRADIENT>(&plane[j * n..], j, [y, dy, z, dz], &mut along);
@@ -281,7 +275,7 @@ impl<T: Real> Powers<T> {
 /// moments_r += Σ_p x_rp yz_p for some rows, over the first `count` points.
 #[inline(always)]
 fn add_rows<V: Simd, T: Real, const R: usize>(
-    x: &[[T; TOGETHER]; R],
+    x: &[[T; POINTS_TOGETHER]; R],
     yz: &[T],
     count: usize,
     row: usize,
@@ -290,7 +284,7 @@ fn add_rows<V: Simd, T: Real, const R: usize>(
     for lanes in (0..row).step_by(LANES) {
         let mut sums: [[T; LANES]; R] =
             std::array::from_fn(|r| std::array::from_fn(|lane| moments[r * row + lanes + lane]));
-        for p in 0..count.min(TOGETHER) {
+        for p in 0..count.min(POINTS_TOGETHER) {
             let yz: &[T] = &yz[p * row + lanes..][..LANES];
             for (sums, x) in sums.iter_mut().zip(x) {
                 for (sum, &yz) in sums.iter_mut().zip(yz) {
@@ -352,7 +346,7 @@ fn multiply<T: Real>(y: T, z: &[T], to: &mut [T]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::chebyshev::polynomials;
+    use crate::interpolation::chebyshev::polynomials;
     use pulp::Scalar as Plain;
 
     /// Moments of unit densities, then fields and derivatives of `coefficients`.

@@ -2,19 +2,20 @@
 
 use std::sync::Arc;
 
-use crate::chebyshev::Chebyshev;
 use crate::error::Error;
 use crate::expansion::Geometry;
 use crate::interpolation::basis::Basis;
 use crate::interpolation::cache::{self, Key};
+use crate::interpolation::chebyshev::Chebyshev;
 use crate::interpolation::far_field::FarField;
 use crate::interpolation::level::LevelOperators;
 use crate::interpolation::means::Means;
 use crate::interpolation::operators::{Accuracy, Operators, Sizes, fewest_nodes};
-use crate::interpolation::shifts::Shift;
+use crate::interpolation::probe::{self, Formula};
 use crate::interpolation::transfer::Transfers;
-use crate::probe::{self, Formula};
-use crate::real::{Real, Scalar};
+use crate::interpolation::tuning::{EXTENDED_BYTES, SAMPLED_EXTENT};
+use crate::linalg::matrix::Matrix;
+use crate::numbers::real::{Real, Scalar};
 
 /// Operators, as far as they can be prepared.
 pub(crate) enum Prepared<S: Scalar> {
@@ -45,12 +46,14 @@ pub(crate) struct Invariant<S: Scalar> {
     extended: Vec<Option<Transfers<S>>>,
 }
 
-/// How far away the sources of a homogeneous kernel are sampled, in half-widths.
-const EXTENT: f64 = 64.0;
-
-/// Bytes of M2L matrices for offsets that only masks ask for, at most; further ones are applied through
-/// the kernel, which takes some fifty times as long.
-const EXTENDED_BYTES: usize = 1 << 30;
+/// S_to A S_from: a matrix with signs on its columns and rows.
+pub(crate) struct Shift<'a, S: Scalar> {
+    pub(crate) matrix: &'a Matrix<S>,
+    /// Tells matrices of one level apart.
+    pub(crate) index: usize,
+    /// The diagonals of S_from and S_to.
+    pub(crate) signs: [&'a [S::Real]; 2],
+}
 
 impl<S: Scalar> Prepared<S> {
     pub(crate) fn new(
@@ -137,7 +140,7 @@ impl<S: Scalar> Invariant<S> {
             None => levels().collect(),
         };
         let unit = probe::unit(kernel, half_widths.iter().copied());
-        let sizes = Sizes { half_widths, homogeneous: degree.is_some(), extent: EXTENT };
+        let sizes = Sizes { half_widths, homogeneous: degree.is_some(), extent: SAMPLED_EXTENT };
         kernel.in_units_of(unit, |kernel| {
             let operators = operators(kernel_type, kernel, accuracy, &sizes)?;
             let first_level = geometry.levels.first().map_or(0, |level| level.level);

@@ -5,14 +5,17 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
 
-use crate::dense::{Matrix, Svd};
+use crate::interpolation::bases::Bases;
 use crate::interpolation::basis::{adjoint, product, smallest_kept};
-use crate::interpolation::directions::Bases;
+use crate::interpolation::budget::SIDE_SHARE;
 use crate::interpolation::means::weight;
+use crate::interpolation::probe::{Formula, zero};
+use crate::interpolation::tuning::{MORE_VECTORS, RANGE_REACH};
+use crate::linalg::dense::Svd;
+use crate::linalg::matrix::Matrix;
+use crate::numbers::random::Random;
+use crate::numbers::real::{Point, Real, Scalar, Vector};
 use crate::parallel;
-use crate::probe::{Formula, zero};
-use crate::random::Random;
-use crate::real::{Point, Real, Scalar, Vector};
 
 /// C_o = S X_t G X_sᵀ S for the offsets o of one group: signs S of the reflection that takes the components
 /// of o to their absolute values, and the kernel G between skeletons at that image.
@@ -37,17 +40,6 @@ pub(crate) struct Side<S> {
     pub(crate) classes: Vec<(u8, Range<usize>)>,
 }
 
-/// The share of a cut-off that each of the two sides of a direction may use up.
-const SIDE_SHARE: f64 = 2.0;
-
-/// Offsets of more cells along an axis, which only masks ask for, bring nothing to the ranges of their
-/// directions: so far away, a field is what nearer ones are made of, and less of it.
-const NEAR: i32 = 5;
-
-/// Random vectors beyond the number of columns that they are to find: with fewer, what few rows hold
-/// would be a matter of luck.
-const MORE_VECTORS: usize = 16;
-
 impl<'a, S: Scalar> Factors<'a, S> {
     pub(crate) fn new(
         kernel: &'a Formula<'a, S>,
@@ -58,7 +50,7 @@ impl<'a, S: Scalar> Factors<'a, S> {
         let image =
             |&offset: &[i32; 3]| if bases.reflected { offset.map(i32::abs) } else { offset };
         let mut known: Vec<[i32; 3]> = offsets.iter().map(image).collect();
-        let key = |image: &[i32; 3]| (image.iter().any(|o| o.abs() > NEAR), *image);
+        let key = |image: &[i32; 3]| (image.iter().any(|o| o.abs() > RANGE_REACH), *image);
         known.sort_unstable_by_key(key);
         known.dedup();
         let mut weights = vec![0.0; known.len()];
@@ -239,10 +231,10 @@ fn len_without_tail(len: usize, cut: f64, squared: impl Fn(usize) -> f64) -> usi
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::chebyshev::Chebyshev;
     use crate::interpolation::basis::Spectrum;
+    use crate::interpolation::chebyshev::Chebyshev;
     use crate::interpolation::far_field::FarField;
-    use crate::probe::parities;
+    use crate::interpolation::probe::parities;
     use glam::DVec3;
 
     /// The largest ‖C_o − P W_o Qᴴ‖ of the offsets of one direction, relative to the cut-off; the rank.

@@ -1,42 +1,15 @@
 //! M2M and L2L of many cells at once: one matrix product per matrix, whatever the number of cells.
 
-use crate::dense::Matrix;
 use crate::expansion::{Expansion, LevelFamilies};
-use crate::geometry::Cell;
-use crate::interpolation::Interpolation;
+use crate::interpolation::black_box::Interpolation;
 use crate::interpolation::prepared::{Invariant, Prepared};
+use crate::interpolation::probe::zero;
+use crate::interpolation::scratch::{Move, Shifted};
+use crate::interpolation::tuning::SHIFTED_TOGETHER;
 use crate::kernel::PointKernel;
+use crate::numbers::real::Scalar;
+use crate::octree::geometry::Cell;
 use crate::parallel;
-use crate::probe::zero;
-use crate::real::Scalar;
-
-/// S_to A S_from: a matrix with signs on its columns and rows.
-pub(crate) struct Shift<'a, S: Scalar> {
-    pub(crate) matrix: &'a Matrix<S>,
-    /// Tells matrices of one level apart.
-    pub(crate) index: usize,
-    /// The diagonals of S_from and S_to.
-    pub(crate) signs: [&'a [S::Real]; 2],
-}
-
-/// One cell's shift, from terms to terms of two arrays.
-#[derive(Clone, Copy, Debug)]
-struct Move {
-    from: usize,
-    to: usize,
-    octant: usize,
-}
-
-/// What shifts write to in passing.
-#[derive(Debug, Default)]
-pub(crate) struct Shifted<S> {
-    moves: Vec<Move>,
-    x: Vec<S>,
-    z: Vec<S>,
-}
-
-/// Cells that are shifted together: enough to make a product worth while, few enough for a cache.
-const TOGETHER: usize = 96;
 
 impl<K: PointKernel> Interpolation<K> {
     /// M2M, or L2L if `down`, between `child` and its parent.
@@ -80,7 +53,7 @@ impl<K: PointKernel> Interpolation<K> {
         };
         let level = families.level;
         let lens = [self.multipole_len(level + 1), self.multipole_len(level)];
-        let parents = TOGETHER / 8;
+        let parents = SHIFTED_TOGETHER / 8;
         parallel::for_each_piece(to, parents * lens[1], &|task, to| {
             self.shifted.with(Shifted::default, |shifted| {
                 shifted.moves.clear();
@@ -111,11 +84,11 @@ impl<K: PointKernel> Interpolation<K> {
                 self.shift(&families.children[c], true, from, to);
             });
         };
-        parallel::for_each_piece(to, TOGETHER * lens[1], &|task, to| {
+        parallel::for_each_piece(to, SHIFTED_TOGETHER * lens[1], &|task, to| {
             self.shifted.with(Shifted::default, |shifted| {
                 shifted.moves.clear();
                 shifted.moves.extend((0..to.len() / lens[1]).filter_map(|to| {
-                    let child = task * TOGETHER + to;
+                    let child = task * SHIFTED_TOGETHER + to;
                     let octant = families.children[child].octant();
                     families.parent_of(child).map(|from| Move { from, to, octant })
                 }));

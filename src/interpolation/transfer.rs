@@ -6,13 +6,15 @@ use num_traits::Float;
 use rayon::prelude::*;
 
 use crate::expansion::{LevelPairs, OffsetMap};
-use crate::interpolation::directions::{Bases, Digits, Place, directions};
-use crate::interpolation::exchange::{BLOCK, Coordinates, Exchange, Pair};
+use crate::interpolation::bases::Bases;
+use crate::interpolation::directions::{Digits, Place, directions};
+use crate::interpolation::exchange::{Coordinates, Exchange, Pair};
 use crate::interpolation::means::{INTERACTION_OFFSETS, interaction_offsets, weight};
+use crate::interpolation::probe::{Formula, power_of_two, zero};
+use crate::interpolation::tuning::{EXCHANGE_BLOCK, SWEEP_CHUNK, TASK_BYTES};
+use crate::numbers::real::{Real, Scalar};
 use crate::parallel;
-use crate::pool::Pool;
-use crate::probe::{Formula, power_of_two, zero};
-use crate::real::{Real, Scalar};
+use crate::parallel::pool::Pool;
 
 /// The M2L operators of cells of one size.
 #[derive(Debug)]
@@ -41,7 +43,7 @@ pub(crate) struct Transfers<S: Scalar> {
 struct Sent<S: Scalar> {
     /// A bit per source for each direction.
     wanted: Vec<AtomicU32>,
-    /// [`BLOCK`] sources after the other, as [`Coordinates`] has it.
+    /// [`EXCHANGE_BLOCK`] sources after the other, as [`Coordinates`] has it.
     full: Vec<S>,
     single: Vec<S::Single>,
     /// What `single` is in units of: charges of any size, but for those that are nothing beside others,
@@ -61,9 +63,6 @@ struct Buffers<S: Scalar> {
 
 /// Offsets of an unmasked tree have no component larger than this.
 const NEAR: i32 = 3;
-
-/// Bytes of the local expansions of one task.
-const TASK_BYTES: usize = 1 << 19;
 
 impl<S: Scalar> Transfers<S> {
     /// Operators for the given offsets.
@@ -170,12 +169,14 @@ impl<S: Scalar> Transfers<S> {
                 }
             }
         });
-        let blocks = pairs.sources.len().div_ceil(BLOCK);
-        let [full_len, single_len] = self.coordinates.map(|count| (BLOCK * count * columns).max(1));
+        let blocks = pairs.sources.len().div_ceil(EXCHANGE_BLOCK);
+        let [full_len, single_len] =
+            self.coordinates.map(|count| (EXCHANGE_BLOCK * count * columns).max(1));
         full.resize(blocks * full_len, zero::<S>());
         single.resize(blocks * single_len, zero::<S::Single>());
         let outputs = full.par_chunks_mut(full_len).zip(single.par_chunks_mut(single_len));
-        let inputs = multipoles.par_chunks(BLOCK * from_len).zip(wanted.par_chunks(BLOCK));
+        let inputs =
+            multipoles.par_chunks(EXCHANGE_BLOCK * from_len).zip(wanted.par_chunks(EXCHANGE_BLOCK));
         outputs.zip(inputs).for_each(|((full, single), (multipoles, wanted))| {
             self.buffers.with(Buffers::default, |buffers| {
                 let Buffers { full: in_full, single: in_single, .. } = buffers;
@@ -186,7 +187,8 @@ impl<S: Scalar> Transfers<S> {
                     in_single.enter(multipoles.iter().map(|&m| (m * shrink).to_single()));
                 }
                 for (g, digits) in self.groups.iter().enumerate() {
-                    let (first, start) = (self.firsts[g], BLOCK * self.starts[g] * columns);
+                    let (first, start) =
+                        (self.firsts[g], EXCHANGE_BLOCK * self.starts[g] * columns);
                     match digits {
                         Digits::Full(group) => {
                             in_full.send(first, group, wanted, columns, &mut full[start..]);
@@ -211,7 +213,7 @@ impl<S: Scalar> Transfers<S> {
         Buffers { sorted, full, single, .. }: &mut Buffers<S>,
     ) {
         let mut rest = &sorted[..];
-        let block_lens = self.coordinates.map(|count| BLOCK * count * columns);
+        let block_lens = self.coordinates.map(|count| EXCHANGE_BLOCK * count * columns);
         let counts = [to.len() / to_len, columns, to_len / columns];
         full.start();
         single.start();
@@ -220,7 +222,7 @@ impl<S: Scalar> Transfers<S> {
             let end = core_starts[core_starts.len() - 1];
             let (pairs, others) = rest.split_at(rest.partition_point(|p| (p.core as usize) < end));
             rest = others;
-            let start = BLOCK * self.starts[g] * columns;
+            let start = EXCHANGE_BLOCK * self.starts[g] * columns;
             match digits {
                 Digits::Full(group) => {
                     let y = Coordinates { all: &sent.full, start, block_len: block_lens[0] };
@@ -324,15 +326,15 @@ impl<S: Scalar> Transfers<S> {
 /// A power of two of about the size of the largest of these numbers.
 fn unit_of<S: Scalar>(numbers: &[S]) -> S::Real {
     let zero = S::Real::from_f64(0.0);
-    let chunks = parallel::map(numbers.len().div_ceil(CHUNK), &|chunk| {
-        let parts = numbers[CHUNK * chunk..].iter().take(CHUNK).flat_map(|number| number.parts());
+    let chunks = parallel::map(numbers.len().div_ceil(SWEEP_CHUNK), &|chunk| {
+        let parts = numbers[SWEEP_CHUNK * chunk..]
+            .iter()
+            .take(SWEEP_CHUNK)
+            .flat_map(|number| number.parts());
         parts.fold(zero, |largest, part| Float::max(largest, part.abs()))
     });
     power_of_two(chunks.into_iter().fold(zero, Float::max))
 }
-
-/// Numbers per task of a sweep over all of them.
-const CHUNK: usize = 1 << 14;
 
 /// Where an offset stands in [`Transfers::near`], if it is near.
 #[inline]
@@ -344,10 +346,10 @@ fn near_index(offset: [i32; 3]) -> Option<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::chebyshev::Chebyshev;
-    use crate::geometry::{Cell, Cube};
     use crate::interpolation::basis::Spectrum;
+    use crate::interpolation::chebyshev::Chebyshev;
     use crate::interpolation::far_field::FarField;
+    use crate::octree::geometry::{Cell, Cube};
     use glam::DVec3;
     use std::sync::Arc;
 

@@ -95,9 +95,9 @@ fn a_memory_budget_admits_and_refuses() {
     let estimate = builder().estimate(&points, &points).unwrap();
     assert!(builder().memory_budget(estimate.bytes()).build(&points, &points).is_ok());
     match builder().memory_budget(estimate.bytes() - 1).build(&points, &points) {
-        Err(Error::OverMemoryBudget { budget, estimate: refused }) => {
+        Err(Error::OverMemoryBudget { budget, needed }) => {
             assert_eq!(budget, estimate.bytes() - 1);
-            assert_eq!(refused.bytes(), estimate.bytes());
+            assert_eq!(needed, estimate.bytes());
         }
         other => panic!("{other:?}"),
     }

@@ -1,0 +1,227 @@
+//! The laws of kernels and expansions.
+
+use crate::conformance::samples::Samples;
+use crate::conformance::violation::Violation;
+use crate::expansion::{ChargeOf, Expansion, Geometry, Level, RealOf, SourceOf, TargetOf};
+use crate::kernel::{PointKernel, relative_l2_error};
+use crate::numbers::real::{Additive, Linear, Located, Point, Real, Vector};
+use crate::octree::geometry::{Cell, Cube};
+
+use crate::conformance::cell_pair::{CellPair, LEVEL, OFFSETS, POINTS, UNANNOUNCED, scatter};
+
+/// Checks an expansion on hand-placed cells, before any tree: every operator adds to what it finds
+/// and is additive in what it reads (to half the tolerance); P2M → M2M → M2L → L2L → L2P, P2M → M2P and P2L → L2P agree with
+/// direct summation to the relative l2 error `tolerance`, near and far.
+///
+/// The kernel is sampled between well-separated points only, so it may be singular.
+///
+/// # Errors
+/// The first law that does not hold.
+pub fn check<E, S, X, Q>(
+    mut expansion: E,
+    samples: &Samples<S, X, Q>,
+    tolerance: f64,
+) -> Result<(), Violation>
+where
+    E: Expansion,
+    S: Fn(Point<RealOf<E>>, usize) -> SourceOf<E>,
+    X: Fn(Point<RealOf<E>>, usize) -> TargetOf<E>,
+    Q: Fn(usize) -> ChargeOf<E>,
+{
+    let root = Cube::new(Point::<RealOf<E>>::default(), RealOf::<E>::from_f64(1.0));
+    let levels = [LEVEL, LEVEL + 1].map(|level| Level {
+        level,
+        half_width: Cell::new(&root, level, [0; 3]).half_width(),
+        offsets: OFFSETS.to_vec(),
+    });
+    expansion.prepare(&Geometry { root, levels: levels.to_vec() })?;
+    for offset in OFFSETS.into_iter().chain(UNANNOUNCED) {
+        let bench = CellPair::new(&expansion, samples, &root, offset);
+        bench.operators(tolerance)?;
+        bench.chains(tolerance)?;
+    }
+    Ok(())
+}
+
+/// Checks that density, G and value together are the kernel's own `add`, to the relative l2 error
+/// `tolerance`, at well-separated points. Kernels whose value needs gradients have them checked
+/// through [`check`] alone.
+///
+/// # Errors
+/// If they differ.
+pub fn check_point_kernel<K, S, X, Q>(
+    kernel: &K,
+    samples: &Samples<S, X, Q>,
+    tolerance: f64,
+) -> Result<(), Violation>
+where
+    K: PointKernel,
+    S: Fn(Point<K::Real>, usize) -> K::Source,
+    X: Fn(Point<K::Real>, usize) -> K::Target,
+    Q: Fn(usize) -> K::Charge,
+{
+    if K::GRADIENT {
+        return Ok(());
+    }
+    let apart = Point::<K::Real>::from_array([K::Real::from_f64(4.0); 3]);
+    let mut g = vec![<K::Entry as Additive>::zero(); K::FIELDS * K::DENSITIES];
+    let mut density = vec![K::Column::zero(); K::DENSITIES];
+    let (mut factored, mut added) = (Vec::new(), Vec::new());
+    for i in 0..POINTS {
+        let y = (samples.source)(scatter::<K::Real>(i), i);
+        let x = (samples.target)(scatter::<K::Real>(i + POINTS) + apart, i);
+        let q = (samples.charge)(i);
+        let mut u = K::Value::zero();
+        kernel.add(&x, &y, &q, &mut u);
+        added.push(u);
+
+        kernel.density(&y, &q, &mut density);
+        kernel.entries(x.position(), y.position(), &mut g);
+        let mut fields = vec![K::Column::zero(); K::FIELDS];
+        for (k, &entry) in g.iter().enumerate() {
+            fields[k / K::DENSITIES].add_scaled(entry, &density[k % K::DENSITIES]);
+        }
+        let mut u = K::Value::zero();
+        kernel.value(&x, &fields, &[], &mut u);
+        factored.push(u);
+    }
+    let deviation = relative_l2_error(&factored, &added);
+    if deviation <= tolerance {
+        return Ok(());
+    }
+    let (operator, fault) = ("value ∘ G ∘ density", "differs from add");
+    Err(Violation::Operator { operator, fault, deviation, bound: tolerance })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::conformance::exact::{Counting, RankOne};
+    use crate::interpolation::black_box::Interpolation;
+    use crate::kernel::{Outcome, from_fn};
+    use glam::{DVec3, Vec3};
+    use num_complex::Complex;
+
+    /// Points and charges of any kernel on bare points in double precision.
+    macro_rules! plain {
+        () => {
+            Samples {
+                source: |p: DVec3, _| p,
+                target: |p: DVec3, _| p,
+                charge: |i| (i as f64 + 0.5).sin(),
+            }
+        };
+    }
+
+    #[test]
+    fn exact_kernels_pass_at_round_off() {
+        check(Counting::<f64>::new(), &plain!(), 1e-14).unwrap();
+        check(RankOne::<f64>::new(), &plain!(), 1e-13).unwrap();
+        let single =
+            Samples { source: |p: Vec3, _| p, target: |p: Vec3, _| p, charge: |i| i as f32 + 1.0 };
+        check(RankOne::<f32>::new(), &single, 1e-5).unwrap();
+    }
+
+    #[test]
+    fn interpolation_passes_for_real_complex_and_many_columns() {
+        let inverse = |x: DVec3, y: DVec3| 1.0 / x.distance(y);
+        let kernel = from_fn(inverse);
+        check_point_kernel(&kernel, &plain!(), 1e-15).unwrap();
+        check(Interpolation::new(kernel).order(6), &plain!(), 1e-3).unwrap();
+        // The sample charges nearly cancel, and one pair of cells has no near field to set against.
+        check(Interpolation::new(kernel).tolerance(1e-5), &plain!(), 1e-4).unwrap();
+
+        let columns = Samples {
+            source: |p: DVec3, _| p,
+            target: |p: DVec3, _| p,
+            charge: |i| [1.0, i as f64, -0.5],
+        };
+        let kernel = from_fn(inverse).columns::<[f64; 3]>();
+        check(Interpolation::new(kernel).tolerance(1e-4), &columns, 1e-4).unwrap();
+
+        let waves = Samples {
+            source: |p: DVec3, _| p,
+            target: |p: DVec3, _| p,
+            charge: |i| Complex::new(i as f64, 1.0),
+        };
+        let kernel =
+            from_fn(|x: DVec3, y: DVec3| Complex::cis(3.0 * x.distance(y)) / x.distance(y));
+        check(Interpolation::new(kernel).tolerance(1e-6), &waves, 2e-6).unwrap();
+    }
+
+    #[test]
+    fn a_kernel_without_translation_invariance_passes() {
+        let kernel = from_fn(|x: DVec3, y: DVec3| (1.0 + x.x * x.x) / x.distance(y));
+        check(Interpolation::new(kernel).order(5), &plain!(), 1e-2).unwrap();
+    }
+
+    #[test]
+    fn too_low_an_order_is_found_out() {
+        let kernel = from_fn(|x: DVec3, y: DVec3| 1.0 / x.distance(y));
+        let violation = check(Interpolation::new(kernel).order(2), &plain!(), 1e-4).unwrap_err();
+        assert!(matches!(violation, Violation::Chain { .. }), "{violation}");
+    }
+
+    /// The counting kernel with one operator broken.
+    struct Broken(Counting<f64>, &'static str);
+
+    impl Expansion for Broken {
+        type Kernel = Counting<f64>;
+        type MultipoleTerm = f64;
+        type LocalTerm = f64;
+
+        fn kernel(&self) -> &Counting<f64> {
+            &self.0
+        }
+        fn multipole_len(&self, _: usize) -> usize {
+            1
+        }
+        fn local_len(&self, _: usize) -> usize {
+            1
+        }
+        fn p2m(&self, c: &Cell<f64>, ys: &[DVec3], qs: &[f64], m: &mut [f64]) {
+            self.0.p2m(c, ys, qs, m);
+        }
+        fn m2m(&self, c: &Cell<f64>, p: &Cell<f64>, from: &[f64], to: &mut [f64]) {
+            if self.1 == "m2m overwrites" {
+                to[0] = 0.0;
+            }
+            self.0.m2m(c, p, from, to);
+        }
+        fn m2l(&self, s: &Cell<f64>, t: &Cell<f64>, from: &[f64], to: &mut [f64]) {
+            self.0.m2l(s, t, from, to);
+            if self.1 == "m2l is affine" {
+                to[0] += 1.0;
+            }
+        }
+        fn l2l(&self, p: &Cell<f64>, c: &Cell<f64>, from: &[f64], to: &mut [f64]) {
+            self.0.l2l(p, c, from, to);
+            if self.1 == "l2l doubles" {
+                self.0.l2l(p, c, from, to);
+            }
+        }
+        fn l2p(&self, c: &Cell<f64>, l: &[f64], xs: &[DVec3], us: &mut [f64]) {
+            self.0.l2p(c, l, xs, us);
+        }
+        fn m2p(&self, _: &Cell<f64>, _: &[f64], _: &[DVec3], us: &mut [f64]) -> Outcome {
+            if self.1 == "m2p writes" {
+                us[0] = 1.0;
+            }
+            Outcome::Declined
+        }
+    }
+
+    #[test]
+    fn broken_operators_are_found_out() {
+        let verdict = |fault| check(Broken(Counting::new(), fault), &plain!(), 1e-12);
+        verdict("none").unwrap();
+        let operator = |fault| match verdict(fault) {
+            Err(Violation::Operator { operator, .. }) => operator,
+            other => panic!("{fault}: {other:?}"),
+        };
+        assert_eq!(operator("m2m overwrites"), "m2m");
+        assert_eq!(operator("m2l is affine"), "m2l");
+        assert!(matches!(verdict("l2l doubles"), Err(Violation::Chain { .. })));
+        assert_eq!(verdict("m2p writes"), Err(Violation::DeclinedWithOutput { operator: "m2p" }));
+    }
+}

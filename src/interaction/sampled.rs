@@ -1,0 +1,114 @@
+//! What the lists of a plan would hold, from a sample of its target cells.
+
+use crate::interaction::lists::ALL;
+use crate::interaction::traversal::{Candidate, Found, Traversal};
+use crate::numbers::real::Real;
+use crate::parallel;
+
+/// What the target cells of a level would find, extrapolated from some of them.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct ListSample {
+    /// Pairs of cells by M2L.
+    pub(crate) m2l: f64,
+    /// Pairs of cells by M2P and by P2L.
+    pub(crate) m2p_p2l: f64,
+    /// Runs of sources summed directly.
+    pub(crate) runs: f64,
+    /// Pairs of points that are summed directly, those of M2P and P2L that are not worth it included.
+    pub(crate) direct_pairs: f64,
+    /// Those of them that the mask would be asked for one by one.
+    pub(crate) asked_pairs: f64,
+    /// What M2P and P2L cost where they are worth it, in pairs summed directly.
+    pub(crate) expanded_pairs: f64,
+    /// What a treecode takes in place of M2L, likewise.
+    pub(crate) treecode_pairs: f64,
+}
+
+/// Cells of a level that are looked at.
+const CELLS: usize = 32;
+
+impl<T: Real> Traversal<'_, T> {
+    /// Surveys every level of the target tree, and tells which share of the work of finding all lists
+    /// that is. M2P at a target and P2L of a source are taken to cost as much as `m2p_pairs` pairs summed
+    /// directly. O(levels²), whatever the number of points.
+    pub(crate) fn sample_lists(&self, m2p_pairs: usize) -> (Vec<ListSample>, f64) {
+        let shape = &self.targets.shape;
+        let level = |level: usize| {
+            let cells = shape.level(level);
+            let count = cells.len().min(CELLS);
+            // From the middle of as many stretches of the level.
+            let sampled = |k: usize| cells.start + (2 * k + 1) * cells.len() / (2 * count);
+            let share = cells.len() as f64 / count as f64;
+            let found: Vec<ListSample> =
+                parallel::map(count, &|k| self.sample_cell(sampled(k), m2p_pairs));
+            found.iter().fold(ListSample::default(), |sum, cell| sum.with(share, cell))
+        };
+        // A cell is visited after all above it.
+        let visits = |level: usize| shape.level(level).len().min(CELLS) * (level + 1);
+        let visits: usize = (0..shape.levels()).map(visits).sum();
+        let share = visits as f64 / shape.nodes.len().max(1) as f64;
+        ((0..shape.levels()).map(level).collect(), share)
+    }
+
+    /// What one target cell would find.
+    fn sample_cell(&self, t: usize, m2p_pairs: usize) -> ListSample {
+        let nodes = &self.targets.shape.nodes;
+        let mut path: Vec<usize> = self.targets.shape.path_to_root(t).collect();
+        path.reverse();
+        let mut candidates: Vec<Candidate> = self.at_root().into_iter().collect();
+        let mut near = Vec::new();
+        let mut found = Found::default();
+        for cell in path {
+            found = Found::default();
+            self.visit(cell as u32, &candidates, &mut near, &mut found);
+            candidates = std::mem::take(&mut found.open.items);
+        }
+        let targets = nodes[t].count() as f64;
+        let sources = &self.sources.shape.nodes;
+        let count = |s: &u32| sources[*s as usize].count();
+        let runs = found.near.items.iter();
+        let of_runs = |asked: bool| {
+            let runs = runs.clone().filter(|run| !asked || run.bits != ALL);
+            runs.map(|run| f64::from(run.last - run.first)).sum::<f64>()
+        };
+        // What is no larger than M2P or P2L costs is summed directly.
+        let (mut direct_pairs, mut expanded_pairs) = (targets * of_runs(false), 0.0);
+        for s in &found.m2p.items {
+            match count(s) > m2p_pairs {
+                true => expanded_pairs += targets * m2p_pairs as f64,
+                false => direct_pairs += targets * count(s) as f64,
+            }
+        }
+        for s in &found.p2l.items {
+            match nodes[t].count() > m2p_pairs {
+                true => expanded_pairs += m2p_pairs as f64 * count(s) as f64,
+                false => direct_pairs += targets * count(s) as f64,
+            }
+        }
+        let by_m2p = |s: &u32| count(s).min(m2p_pairs) as f64;
+        ListSample {
+            m2l: (found.m2l.items.len() + found.weighed.items.len()) as f64,
+            m2p_p2l: (found.m2p.items.len() + found.p2l.items.len()) as f64,
+            runs: found.near.items.len() as f64,
+            direct_pairs,
+            asked_pairs: targets * of_runs(true),
+            expanded_pairs,
+            treecode_pairs: targets * found.m2l.items.iter().map(by_m2p).sum::<f64>(),
+        }
+    }
+}
+
+impl ListSample {
+    /// The sum of `self` and `share` times `other`.
+    pub(crate) fn with(self, share: f64, other: &Self) -> Self {
+        Self {
+            m2l: self.m2l + share * other.m2l,
+            m2p_p2l: self.m2p_p2l + share * other.m2p_p2l,
+            runs: self.runs + share * other.runs,
+            direct_pairs: self.direct_pairs + share * other.direct_pairs,
+            asked_pairs: self.asked_pairs + share * other.asked_pairs,
+            expanded_pairs: self.expanded_pairs + share * other.expanded_pairs,
+            treecode_pairs: self.treecode_pairs + share * other.treecode_pairs,
+        }
+    }
+}

@@ -1,0 +1,128 @@
+//! Interpolation of any point kernel: what is asked for, and what is prepared.
+
+use std::fmt;
+
+use crate::interpolation::chebyshev::Chebyshev;
+use crate::kernel::PointKernel;
+use crate::parallel::pool::Pool;
+
+use crate::interpolation::basis::Basis;
+use crate::interpolation::operators::Accuracy;
+use crate::interpolation::prepared::{Everywhere, Prepared};
+use crate::interpolation::scratch::{Scratch, Shifted};
+
+/// The far field of any [`PointKernel`]: interpolation at Chebyshev nodes (Fong and Darve, "The
+/// black-box fast multipole method", J. Comput. Phys. 228, 2009), reduced to the numerical rank of the
+/// far field.
+///
+/// Nothing about the kernel is declared. Whether it is translation invariant, symmetric, homogeneous, or
+/// changes only signs under reflections is measured when the plan is built, and saves work where it
+/// holds. Order, rank and cut-offs follow from the tolerance: the fewest nodes that interpolate the far
+/// field well enough; the singular vectors of the far field that matter; fewer still for what comes
+/// from one of 26 directions. What is left out is measured between random points, and less is left out
+/// if need be.
+///
+/// Operators depend on the kernel and the tolerance, not on the points: sets that were used lately are
+/// remembered by the process and serve further plans.
+///
+/// With rank r per cell and k per direction, M2L costs O(k²) multiply-adds per pair of cells and O(r k)
+/// per cell and direction, as matrix products; P2M and L2P cost O(n³) per point for n nodes per axis.
+pub struct Interpolation<K: PointKernel> {
+    pub(super) kernel: K,
+    pub(super) accuracy: Accuracy,
+    pub(super) prepared: Prepared<K::Entry>,
+    pub(super) scratch: Pool<Scratch<K>>,
+    pub(super) shifted: Pool<Shifted<K::Entry>>,
+}
+
+impl<K: PointKernel> Interpolation<K> {
+    /// Expands `kernel` to a relative l2 error of 1e-6.
+    pub fn new(kernel: K) -> Self {
+        Self {
+            kernel,
+            accuracy: Accuracy::Tolerance(1e-6),
+            prepared: Prepared::Everywhere(Box::new(Everywhere::with_order(
+                1,
+                K::FIELDS,
+                K::DENSITIES,
+            ))),
+            scratch: Pool::default(),
+            shifted: Pool::default(),
+        }
+    }
+
+    /// The relative l2 error to stay below, between 0 and 1.
+    pub fn tolerance(self, tolerance: f64) -> Self {
+        Self { accuracy: Accuracy::Tolerance(tolerance), ..self }
+    }
+
+    /// A fixed number of nodes per axis, 1 to [`MAX_ORDER`](crate::MAX_ORDER); nothing is cut off that they resolve.
+    pub fn order(self, order: usize) -> Self {
+        Self { accuracy: Accuracy::Order(order), ..self }
+    }
+
+    /// Nodes per axis of a prepared expansion.
+    pub fn nodes_per_axis(&self) -> usize {
+        self.rule().len()
+    }
+
+    /// The relative error that was measured between random points of well-separated cells when the
+    /// expansion was prepared; none for a kernel that is not translation invariant.
+    pub fn measured_error(&self) -> Option<f64> {
+        match &self.prepared {
+            Prepared::Everywhere(_) => None,
+            Prepared::Invariant(invariant) => Some(invariant.operators.error),
+        }
+    }
+
+    /// How many multiply-adds M2L takes at a level per right-hand side and cell with a full interaction
+    /// list; none for a kernel that is not translation invariant.
+    pub fn m2l_multiply_adds(&self, level: usize) -> Option<f64> {
+        match &self.prepared {
+            Prepared::Everywhere(_) => None,
+            Prepared::Invariant(invariant) => {
+                Some(invariant.level(level).transfers.multiply_adds())
+            }
+        }
+    }
+
+    /// The mean rank of M2L at a level, by direction; none for a kernel that is not translation
+    /// invariant.
+    pub fn mean_m2l_rank(&self, level: usize) -> Option<f64> {
+        match &self.prepared {
+            Prepared::Everywhere(_) => None,
+            Prepared::Invariant(invariant) => Some(invariant.level(level).transfers.mean_rank()),
+        }
+    }
+
+    pub(super) fn rule(&self) -> &Chebyshev<K::Real> {
+        match &self.prepared {
+            Prepared::Everywhere(everywhere) => &everywhere.rule,
+            Prepared::Invariant(invariant) => &invariant.operators.rule,
+        }
+    }
+
+    pub(super) fn source_basis(&self, level: usize) -> &Basis<K::Entry> {
+        match &self.prepared {
+            Prepared::Everywhere(everywhere) => &everywhere.source,
+            Prepared::Invariant(invariant) => &invariant.level(level).bases.source,
+        }
+    }
+
+    pub(super) fn target_basis(&self, level: usize) -> &Basis<K::Entry> {
+        match &self.prepared {
+            Prepared::Everywhere(everywhere) => &everywhere.target,
+            Prepared::Invariant(invariant) => &invariant.level(level).bases.target,
+        }
+    }
+}
+
+impl<K: PointKernel> fmt::Debug for Interpolation<K> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Interpolation")
+            .field("accuracy", &self.accuracy)
+            .field("nodes_per_axis", &self.nodes_per_axis())
+            .field("measured_error", &self.measured_error())
+            .finish_non_exhaustive()
+    }
+}

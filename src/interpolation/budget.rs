@@ -1,0 +1,70 @@
+//! The error budget: who may use how much of the tolerance.
+//!
+//! An application's error is the sum of what its stages leave out. Each stage gets a share of the relative
+//! l2 tolerance ε, or of a cut-off that was derived from it. Independent errors add as squares, so the
+//! shares may add to more than 1.
+//!
+//! | stage | may use | of | used in |
+//! |---|---|---|---|
+//! | interpolation at n nodes per axis | [`INTERPOLATION_SHARE`] | ε | `operators` |
+//! | each truncation, at first | [`truncation_share`] | ε | `level` |
+//! | each truncation, if the order is given | [`ORDER_TRUNCATION_SHARE`] | interpolation's error | `operators` |
+//! | nodes of a skeleton | [`SKELETON_SHARE`] | the basis's cut-off | `basis` |
+//! | each side of a direction | [`SIDE_SHARE`] | the basis's cut-off | `ranges` |
+//! | single precision in M2L | [`ROUNDING_SHARE`] | the basis's cut-off | `directions` |
+//! | a level as built, measured | [`ACCEPTED_SHARE`], [`ACCEPTED_LEVEL_SHARE`] | ε of the level | `operators`, `level` |
+//! | all levels, measured | [`SAFE_SHARE`], [`LIMITING_SHARE`] | ε | `operators` |
+//! | one pair of the near field | [`PAIR_SHARE`] | ε | `expansion` |
+//! | a far field that has died out | [`NEIGHBOUR_SHARE`] | the neighbours' fields | `far_field` |
+//!
+//! The numbers were found by trial on 1/r, 1/r⁴, Yukawa's kernel and the radiosity tensor at tolerances of
+//! 1e-2 to 1e-11: with them, delivered errors lie between a thirtieth and all of what was asked
+//! (`benches/charts/contract.txt`).
+
+/// The share of the tolerance that interpolation alone may use.
+pub(crate) const INTERPOLATION_SHARE: f64 = 0.25;
+
+/// With a given order, the share of interpolation's own error that truncation may add.
+pub(crate) const ORDER_TRUNCATION_SHARE: f64 = 0.03;
+
+/// The share of a basis's cut-off that its skeleton may leave out.
+pub(crate) const SKELETON_SHARE: f64 = 0.05;
+
+/// The share of a basis's cut-off that each of the two sides of a direction may leave out.
+pub(crate) const SIDE_SHARE: f64 = 2.0;
+
+/// The relative error of products in single precision, root mean square.
+pub(crate) const SINGLE_ROUNDING: f64 = 4e-8;
+
+/// The share of a basis's cut-off that rounding to single precision may add.
+pub(crate) const ROUNDING_SHARE: f64 = 1.0;
+
+/// The share of its tolerance that a level's error, measured between sample points, may reach if one
+/// level's operators serve all.
+pub(crate) const ACCEPTED_SHARE: f64 = 0.4;
+
+/// The same if every level has operators of its own, among which the tolerance is divided.
+pub(crate) const ACCEPTED_LEVEL_SHARE: f64 = 0.5;
+
+/// The share of the tolerance that the measured error of all levels may reach before a higher order is
+/// tried.
+pub(crate) const SAFE_SHARE: f64 = 0.8;
+
+/// The share of the tolerance below which interpolation has no part in an error, so that a higher order
+/// would not help.
+pub(crate) const LIMITING_SHARE: f64 = 0.1;
+
+/// The share of the tolerance that one pair of the near field may be off by.
+pub(crate) const PAIR_SHARE: f64 = 0.1;
+
+/// A far field smaller than this fraction of what neighbouring cells exchange is held to that fraction, not
+/// to its own size: a kernel that has died out needs no digits.
+pub(crate) const NEIGHBOUR_SHARE: f64 = 0.1;
+
+/// The share of the tolerance that each truncation may use at first.
+///
+/// It is such that all truncations together are found to make the error that is accepted: a little less for
+/// every digit, and less for far fields that are not sampled eight times over by their reflections.
+pub(crate) fn truncation_share(tolerance: f64, reflected: bool) -> f64 {
+    (0.11 + 0.002 * tolerance.log10()) * if reflected { 1.0 } else { 0.6 }
+}

@@ -1,0 +1,194 @@
+//! The operators of interpolation, as the engine calls them.
+
+use std::any::type_name;
+
+use crate::error::Error;
+use crate::expansion::{Expansion, Geometry, LevelFamilies, LevelPairs};
+use crate::interpolation::black_box::Interpolation;
+use crate::interpolation::budget::PAIR_SHARE;
+use crate::interpolation::cost;
+use crate::interpolation::operators::Accuracy;
+use crate::interpolation::prepared::Prepared;
+use crate::interpolation::probe::Formula;
+use crate::interpolation::tuning::ENTRY_PAIRS;
+use crate::kernel::{Outcome, PointKernel};
+use crate::numbers::real::{Columns, Point, Real};
+use crate::octree::geometry::Cell;
+use crate::parallel::pool::Pool;
+
+impl<K: PointKernel> Expansion for Interpolation<K> {
+    type Kernel = K;
+    type MultipoleTerm = K::Entry;
+    type LocalTerm = K::Entry;
+
+    fn kernel(&self) -> &K {
+        &self.kernel
+    }
+
+    fn multipole_len(&self, level: usize) -> usize {
+        self.source_basis(level).rank() * K::Column::WIDTH
+    }
+
+    fn local_len(&self, level: usize) -> usize {
+        self.target_basis(level).rank() * K::Column::WIDTH
+    }
+
+    fn prepare(&mut self, geometry: &Geometry<K::Real>) -> Result<(), Error> {
+        self.accuracy.check()?;
+        let kernel = &self.kernel;
+        let entries =
+            |x: Point<K::Real>, y: Point<K::Real>, g: &mut [K::Entry]| kernel.entries(x, y, g);
+        let formula = Formula::new(K::FIELDS, K::DENSITIES, &entries);
+        self.prepared = Prepared::new(type_name::<K>(), &formula, self.accuracy, geometry)?;
+        self.scratch = Pool::default();
+        Ok(())
+    }
+
+    fn leaf_size(&self, pair_seconds: f64) -> usize {
+        let components = K::FIELDS.max(K::DENSITIES);
+        cost::leaf_size::<K::Entry>(self.accuracy, components, K::Column::WIDTH, pair_seconds)
+    }
+
+    fn expected_terms(&self) -> usize {
+        let components = K::FIELDS.max(K::DENSITIES);
+        cost::rank(self.accuracy, components) as usize * K::Column::WIDTH
+    }
+
+    fn pair_tolerance(&self) -> f64 {
+        match self.accuracy {
+            Accuracy::Tolerance(tolerance) => PAIR_SHARE * tolerance,
+            Accuracy::Order(_) => 0.0,
+        }
+    }
+
+    fn m2p_pairs(&self, level: usize) -> usize {
+        ENTRY_PAIRS * self.source_basis(level).skeleton.points.len()
+    }
+
+    fn p2l_pairs(&self, level: usize) -> usize {
+        ENTRY_PAIRS * self.target_basis(level).skeleton.points.len()
+    }
+
+    fn p2m(
+        &self,
+        cell: &Cell<K::Real>,
+        sources: &[K::Source],
+        charges: &[K::Charge],
+        multipole: &mut [K::Entry],
+    ) {
+        self.add_moments(cell, sources, charges, multipole);
+    }
+
+    fn m2m(
+        &self,
+        child: &Cell<K::Real>,
+        _parent: &Cell<K::Real>,
+        from: &[K::Entry],
+        to: &mut [K::Entry],
+    ) {
+        self.shift(child, false, from, to);
+    }
+
+    fn m2m_level(
+        &self,
+        families: &LevelFamilies<'_, K::Real>,
+        from: &[K::Entry],
+        to: &mut [K::Entry],
+    ) {
+        self.shift_up(families, from, to);
+    }
+
+    fn l2l_level(
+        &self,
+        families: &LevelFamilies<'_, K::Real>,
+        from: &[K::Entry],
+        to: &mut [K::Entry],
+    ) {
+        self.shift_down(families, from, to);
+    }
+
+    fn m2l(
+        &self,
+        source: &Cell<K::Real>,
+        target: &Cell<K::Real>,
+        from: &[K::Entry],
+        to: &mut [K::Entry],
+    ) {
+        if let Prepared::Invariant(invariant) = &self.prepared {
+            let (transfers, scale) = invariant.transfers(source.level(), source.half_width());
+            if transfers.add(source.offset_to(target), scale, from, to) {
+                return;
+            }
+        }
+        self.m2l_by_kernel(1.0, source, target, from, to);
+    }
+
+    fn weighs(&self) -> bool {
+        true
+    }
+
+    fn m2l_level(
+        &self,
+        level: &LevelPairs<'_, K::Real>,
+        multipoles: &[K::Entry],
+        locals: &mut [K::Entry],
+    ) {
+        let from = self.multipole_len(level.level);
+        let by_kernel = |s: usize, t: usize, local: &mut [K::Entry]| {
+            let multipole = &multipoles[s * from..][..from];
+            let [source, target] = [&level.sources[s], &level.targets[t]];
+            self.m2l_by_kernel(level.weight, source, target, multipole, local);
+        };
+        let Some(half_width) = level.targets.first().map(Cell::half_width) else { return };
+        match &self.prepared {
+            Prepared::Everywhere(_) => level.for_each_pair(locals, by_kernel),
+            Prepared::Invariant(invariant) => {
+                let (transfers, scale) = invariant.transfers(level.level, half_width);
+                let columns = K::Column::WIDTH;
+                let scale = scale * K::Real::from_f64(level.weight);
+                transfers.add_level(level, scale, columns, multipoles, locals, &by_kernel);
+            }
+        }
+    }
+
+    fn l2l(
+        &self,
+        _parent: &Cell<K::Real>,
+        child: &Cell<K::Real>,
+        from: &[K::Entry],
+        to: &mut [K::Entry],
+    ) {
+        self.shift(child, true, from, to);
+    }
+
+    fn l2p(
+        &self,
+        cell: &Cell<K::Real>,
+        local: &[K::Entry],
+        targets: &[K::Target],
+        values: &mut [K::Value],
+    ) {
+        self.add_values(cell, local, targets, values);
+    }
+
+    fn m2p(
+        &self,
+        cell: &Cell<K::Real>,
+        multipole: &[K::Entry],
+        targets: &[K::Target],
+        values: &mut [K::Value],
+    ) -> Outcome {
+        self.m2p_by_kernel(cell, multipole, targets, values)
+    }
+
+    fn p2l(
+        &self,
+        cell: &Cell<K::Real>,
+        sources: &[K::Source],
+        charges: &[K::Charge],
+        local: &mut [K::Entry],
+    ) -> Outcome {
+        self.p2l_by_kernel(cell, sources, charges, local);
+        Outcome::Done
+    }
+}

@@ -1,0 +1,145 @@
+//! Masks: which pairs count.
+
+use crate::kernel::Kernel;
+use crate::numbers::real::Additive;
+use crate::numbers::real::Located;
+use crate::octree::geometry::Cell;
+use crate::parallel;
+
+/// Whether the pairs between two cells count.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Coverage {
+    /// Every pair counts: the expansion may be used.
+    Full,
+    /// No pair counts: nothing is computed.
+    Empty,
+    /// Some may, some may not, or it is not known: the cells are split, and leaf pairs are asked
+    /// for one by one.
+    Partial,
+    /// So many eighths of them count, 1 to 7, and which of them doesn't matter: the expansion is used
+    /// and weighed. Taken as [`Partial`](Self::Partial) where the expansion [can't
+    /// weigh](crate::Expansion::weighs) or the cells are not well separated ones of one level.
+    Eighths(u8),
+}
+
+/// A cell together with the points in it.
+#[derive(Debug)]
+pub struct CellView<'a, P: Located> {
+    /// The cell.
+    pub cell: &'a Cell<P::Real>,
+    /// Its points, at least one.
+    pub points: &'a [P],
+}
+
+impl<P: Located> Clone for CellView<'_, P> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<P: Located> Copy for CellView<'_, P> {}
+
+/// The factor V(x, y) ∈ {0, 1} of a sum Σ_j K(x, y_j) V(x, y_j) q_j, such as visibility.
+///
+/// It is not smooth, so it never enters an expansion: the engine uses the expansion between cells
+/// only where *every* pair counts. Masks are geometry: they are asked while a plan is built and
+/// never again, and each pair of points is asked for at most once.
+pub trait Mask<K: Kernel>: Sync {
+    /// What holds for all pairs between two cells. [`Coverage::Partial`] is never wrong, only slow.
+    fn cells(&self, targets: CellView<'_, K::Target>, sources: CellView<'_, K::Source>)
+    -> Coverage;
+
+    /// Whether the pair (x, y) counts. Must agree with [`cells`](Self::cells).
+    fn pair(&self, x: &K::Target, y: &K::Source) -> bool;
+
+    /// Calls `count(i, j)` for every pair of the i-th target and the j-th source that counts, once.
+    /// Override it to share work among the pairs of two cells; the answers must be those of
+    /// [`pair`](Self::pair).
+    fn pairs(
+        &self,
+        targets: CellView<'_, K::Target>,
+        sources: CellView<'_, K::Source>,
+        count: &mut dyn FnMut(usize, usize),
+    ) {
+        for (i, x) in targets.points.iter().enumerate() {
+            for (j, y) in sources.points.iter().enumerate() {
+                if self.pair(x, y) {
+                    count(i, j);
+                }
+            }
+        }
+    }
+
+    /// Whether the pair of target i and source j counts exactly if that of target j and source i does,
+    /// for every i and j. The engine then asks [`pairs`](Self::pairs) for one of two mirrored leaf
+    /// pairs only. Never wrong to deny.
+    fn is_mirrored(&self, _targets: &[K::Target], _sources: &[K::Source]) -> bool {
+        false
+    }
+}
+
+/// The mask that lets every pair count.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Unmasked;
+
+impl<K: Kernel> Mask<K> for Unmasked {
+    fn cells(&self, _: CellView<'_, K::Target>, _: CellView<'_, K::Source>) -> Coverage {
+        Coverage::Full
+    }
+
+    fn pair(&self, _: &K::Target, _: &K::Source) -> bool {
+        true
+    }
+}
+
+/// Direct summation with a mask: u_i = Σ_j K(x_i, y_j) V(x_i, y_j) q_j, asking for every pair.
+/// O(N·M): the reference for masked plans.
+///
+/// # Panics
+/// If `sources` and `charges` differ in length.
+pub fn direct_masked<K: Kernel>(
+    kernel: &K,
+    mask: &impl Mask<K>,
+    sources: &[K::Source],
+    charges: &[K::Charge],
+    targets: &[K::Target],
+) -> Vec<K::Value> {
+    assert_eq!(sources.len(), charges.len(), "one charge per source");
+    let sum = |x: &K::Target| {
+        let mut u = K::Value::zero();
+        for (y, q) in sources.iter().zip(charges) {
+            if mask.pair(x, y) {
+                kernel.add(x, y, q, &mut u);
+            }
+        }
+        u
+    };
+    parallel::map(targets.len(), &|i| sum(&targets[i]))
+}
+
+impl<K: Kernel, M: Mask<K>> Mask<K> for &M {
+    fn cells(
+        &self,
+        targets: CellView<'_, K::Target>,
+        sources: CellView<'_, K::Source>,
+    ) -> Coverage {
+        (**self).cells(targets, sources)
+    }
+
+    fn pair(&self, x: &K::Target, y: &K::Source) -> bool {
+        (**self).pair(x, y)
+    }
+
+    fn pairs(
+        &self,
+        targets: CellView<'_, K::Target>,
+        sources: CellView<'_, K::Source>,
+        count: &mut dyn FnMut(usize, usize),
+    ) {
+        (**self).pairs(targets, sources, count);
+    }
+
+    fn is_mirrored(&self, targets: &[K::Target], sources: &[K::Source]) -> bool {
+        (**self).is_mirrored(targets, sources)
+    }
+}

@@ -1,0 +1,5 @@
+//! Small dense matrices and their products.
+
+pub(crate) mod batched;
+pub(crate) mod dense;
+pub(crate) mod matrix;

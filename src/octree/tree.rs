@@ -1,0 +1,205 @@
+//! The adaptive octree over points, and the box around them.
+
+use crate::error::{Error, PointSet};
+use crate::numbers::real::{Additive, Located, Point, Real, Vector};
+use crate::octree::geometry::{Cell, Cube, MAX_LEVEL};
+use crate::octree::morton::{Keyed, coordinates, morton_key};
+use crate::octree::shape::Shape;
+use crate::parallel;
+
+/// An octree over one set of points.
+#[derive(Clone, Debug)]
+pub(crate) struct Tree<T: Real> {
+    /// Which cells there are.
+    pub(crate) shape: Shape,
+    /// Geometry of every cell.
+    pub(crate) cells: Vec<Cell<T>>,
+}
+
+impl<T: Real> Tree<T> {
+    /// Sorts `points` into cells of at most `leaf_size` points, as [`Shape::new`] does.
+    pub(crate) fn new<P: Located<Real = T>>(
+        root: &Cube<T>,
+        points: &[P],
+        leaf_size: usize,
+    ) -> Self {
+        let keyed = parallel::map(points.len(), &|i| {
+            let key = morton_key(root.locate(points[i].position()));
+            Keyed { key, index: i as u32 }
+        });
+        let (shape, keys) = Shape::new(keyed, leaf_size);
+        let cells = parallel::map(keys.len(), &|c| {
+            let level = shape.nodes[c].level();
+            let shift = 3 * (MAX_LEVEL - level) as u32;
+            Cell::new(root, level, coordinates(keys[c] >> shift))
+        });
+        Self { shape, cells }
+    }
+
+    /// Its size in memory.
+    pub(crate) fn bytes(&self) -> usize {
+        size_of_val(&self.cells[..]) + self.shape.bytes()
+    }
+}
+
+/// The smallest box around a set of points.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Bounds<T> {
+    low: [T; 3],
+    high: [T; 3],
+}
+
+impl<T: Real> Bounds<T> {
+    /// The box around `points`, which belong to `set`; an error if a coordinate is not finite or if
+    /// there are too many points.
+    pub(crate) fn new<P: Located<Real = T>>(set: PointSet, points: &[P]) -> Result<Self, Error> {
+        let limit = u32::MAX as usize / 2;
+        if points.len() > limit {
+            return Err(Error::TooManyPoints { set, limit, found: points.len() });
+        }
+        let finite = |p: &P| p.position().is_finite();
+        let chunks = parallel::map(points.len().div_ceil(CHUNK), &|chunk| {
+            let points = &points[CHUNK * chunk..];
+            let points = &points[..points.len().min(CHUNK)];
+            (Self::around(points), points.iter().all(finite))
+        });
+        let nothing = (Self::around::<P>(&[]), true);
+        let both = |(a, x): (Self, bool), (b, y)| (a.join(b), x && y);
+        let (bounds, all_finite) = chunks.into_iter().fold(nothing, both);
+        if all_finite {
+            return Ok(bounds);
+        }
+        let index = points.iter().take_while(|p| finite(p)).count();
+        let position = points[index].position().to_array().map(Real::as_f64);
+        Err(Error::NonFinitePosition { set, index, position })
+    }
+
+    /// The box around both.
+    pub(crate) fn join(self, other: Self) -> Self {
+        Self {
+            low: std::array::from_fn(|k| self.low[k].min(other.low[k])),
+            high: std::array::from_fn(|k| self.high[k].max(other.high[k])),
+        }
+    }
+
+    /// The root cube of everything in the box.
+    pub(crate) fn root_cube(&self) -> Result<Cube<T>, Error> {
+        let Self { low, high } = self;
+        if low[0] > high[0] {
+            return Ok(Cube::new(Point::<T>::default(), T::from_f64(1.0)));
+        }
+        let half = T::from_f64(0.5);
+        let centre: [T; 3] = std::array::from_fn(|k| half * low[k] + half * high[k]);
+        let half_width = (0..3)
+            .map(|k| (high[k] - centre[k]).max(centre[k] - low[k]))
+            .fold(T::from_f64(0.0), |a, b| a.max(b));
+        let limit = T::max_value() * T::from_f64(0.125);
+        if half_width > limit {
+            let extent = (0..3).map(|k| high[k].as_f64() - low[k].as_f64()).fold(0.0, f64::max);
+            return Err(Error::ExtentTooLarge { extent, limit: 2.0 * limit.as_f64() });
+        }
+        Ok(Cube::new(Point::<T>::from_array(centre), half_width))
+    }
+
+    /// The box around finite points.
+    fn around<P: Located<Real = T>>(points: &[P]) -> Self {
+        let mut bounds = Self { low: [T::infinity(); 3], high: [T::neg_infinity(); 3] };
+        for p in points {
+            for (k, x) in p.position().to_array().into_iter().enumerate() {
+                bounds.low[k] = if x < bounds.low[k] { x } else { bounds.low[k] };
+                bounds.high[k] = if x > bounds.high[k] { x } else { bounds.high[k] };
+            }
+        }
+        bounds
+    }
+}
+
+/// Points per task of a sweep over all of them.
+const CHUNK: usize = 4096;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec3;
+
+    fn build(points: &[DVec3], leaf_size: usize) -> Tree<f64> {
+        Tree::new(
+            &Bounds::new(PointSet::Sources, points).unwrap().root_cube().unwrap(),
+            points,
+            leaf_size,
+        )
+    }
+
+    fn check(tree: &Tree<f64>, points: &[DVec3], leaf_size: usize) {
+        let Tree { shape, cells } = tree;
+        let mut order = shape.order.clone();
+        order.sort_unstable();
+        assert!(order.iter().enumerate().all(|(i, &o)| i == o as usize), "a permutation");
+        for (c, node) in shape.nodes.iter().enumerate() {
+            assert!(node.count() > 0);
+            assert_eq!(node.level(), cells[c].level());
+            for &i in &shape.order[node.points()] {
+                let p = cells[c].normalised(points[i as usize]);
+                assert!(p.abs().max_element() <= 1.0 + 1e-9, "point {i} lies in cell {c}: {p}");
+            }
+            let mut next = node.points().start;
+            for child in node.children() {
+                assert_eq!(shape.nodes[child].parent as usize, c);
+                assert_eq!(shape.nodes[child].points().start, next);
+                assert_eq!(cells[child].level(), cells[c].level() + 1);
+                next = shape.nodes[child].points().end;
+            }
+            assert!(node.is_leaf() || next == node.points().end, "children cover their parent");
+            if node.is_leaf() && node.count() > leaf_size {
+                assert_eq!(cells[c].level(), shape.levels() - 1);
+            }
+        }
+        let mut next = 0;
+        for &leaf in &shape.leaves {
+            assert_eq!(shape.nodes[leaf as usize].points().start, next, "leaves in order");
+            next = shape.nodes[leaf as usize].points().end;
+        }
+        assert_eq!(next, points.len());
+        let ranks = shape.ranks();
+        assert!(ranks.iter().enumerate().all(|(i, &r)| shape.order[r as usize] as usize == i));
+    }
+
+    #[test]
+    fn every_point_lies_in_its_cells() {
+        let points: Vec<DVec3> = (0..2000)
+            .map(|i| {
+                let t = f64::from(i);
+                DVec3::new((t * 0.7548).fract(), (t * 0.5698).fract().powi(4), (t * 0.1).sin())
+            })
+            .collect();
+        for leaf_size in [1, 7, 64, 5000] {
+            check(&build(&points, leaf_size), &points, leaf_size);
+        }
+    }
+
+    #[test]
+    fn coincident_points_stop_the_splitting() {
+        let points = vec![DVec3::new(0.3, 0.2, 0.1); 100];
+        assert_eq!(build(&points, 8).cells.len(), 1);
+        let mut pair = points;
+        pair.push(DVec3::ONE);
+        let tree = build(&pair, 8);
+        assert_eq!(tree.shape.levels(), 2);
+        assert_eq!(tree.shape.leaves.len(), 2);
+    }
+
+    #[test]
+    fn depth_is_bounded_by_the_key() {
+        let points: Vec<DVec3> = (0..60).map(|i| DVec3::X * 0.5f64.powi(i)).collect();
+        let tree = build(&points, 1);
+        assert_eq!(tree.shape.levels(), MAX_LEVEL + 1);
+        check(&tree, &points, 1);
+    }
+
+    #[test]
+    fn an_extent_that_overflows_is_refused() {
+        let points = [DVec3::X * 1e308, DVec3::X * -1e308];
+        let bounds = Bounds::new(PointSet::Sources, &points).unwrap();
+        assert!(matches!(bounds.root_cube(), Err(Error::ExtentTooLarge { .. })));
+    }
+}

@@ -1,0 +1,298 @@
+//! From points and choices to a plan.
+
+use std::fmt;
+
+use crate::error::Error;
+use crate::expansion::{Expansion, Geometry, RealOf, SourceOf, TargetOf};
+use crate::interaction::cell_mask::{CellMask, PointMask, TreePoints};
+use crate::interaction::traversal::{Far, Traversal};
+use crate::interpolation::black_box::Interpolation;
+use crate::kernel::PointKernel;
+use crate::kernel::mask::{Mask, Unmasked};
+use crate::octree::trees::Trees;
+use crate::plan::choice::{Candidate, DOUBT, cheapest, correct};
+use crate::plan::estimate::Estimate;
+use crate::plan::fmm::Fmm;
+use crate::plan::forecast::Forecast;
+use crate::plan::pair_time::pair_seconds;
+use crate::plan::times::{BuildTimes, Clock, Phase, Progress};
+use crate::plan::{Plan, Scheme, levels};
+
+impl<K: PointKernel> Fmm<Interpolation<K>> {
+    /// Starts a plan for a kernel given by its formula, expanded by [`Interpolation`].
+    pub fn builder(kernel: K) -> Builder<'static, Interpolation<K>, Unmasked> {
+        Fmm::with_expansion(Interpolation::new(kernel))
+    }
+}
+
+impl<E: Expansion> Fmm<E> {
+    /// Starts a plan for an expansion of its own.
+    pub fn with_expansion(expansion: E) -> Builder<'static, E, Unmasked> {
+        Builder { expansion, mask: Unmasked, choices: Choices::default() }
+    }
+}
+
+/// Collects the choices for a plan; every one has a default.
+#[must_use = "call `build`"]
+pub struct Builder<'a, E, M> {
+    expansion: E,
+    mask: M,
+    choices: Choices<'a>,
+}
+
+/// What is chosen besides expansion and mask.
+#[derive(Clone, Copy, Default)]
+struct Choices<'a> {
+    scheme: Option<Scheme>,
+    leaf_size: Option<usize>,
+    masked: bool,
+    memory_budget: Option<usize>,
+    progress: Option<&'a (dyn Fn(Progress) + Sync)>,
+}
+
+impl<K: PointKernel, M> Builder<'_, Interpolation<K>, M> {
+    /// The relative l2 error to stay below; default 1e-6. The order follows from it.
+    pub fn tolerance(mut self, tolerance: f64) -> Self {
+        self.expansion = self.expansion.tolerance(tolerance);
+        self
+    }
+
+    /// A fixed number of Chebyshev nodes per axis, in place of a tolerance.
+    pub fn order(mut self, order: usize) -> Self {
+        self.expansion = self.expansion.order(order);
+        self
+    }
+}
+
+impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
+    /// Sums only the pairs that `mask` lets count; pass a reference to keep the mask.
+    pub fn mask<N: Mask<E::Kernel>>(self, mask: N) -> Builder<'a, E, N> {
+        let Self { expansion, choices, .. } = self;
+        Builder { expansion, mask, choices: Choices { masked: true, ..choices } }
+    }
+
+    /// How to sum.
+    ///
+    /// By default, whichever scheme's [applications](Fmm::apply) take the shortest time: expansions or,
+    /// for few points, direct sums, which need no operators either. What they take is forecast from the
+    /// lists of a sample of the cells and the measured time of a pair. Where that leaves a doubt, the plan
+    /// is made and applied, and the correction found holds for all plans of its kind until the process
+    /// ends. With a [leaf size](Self::leaf_size) or a [mask](Self::mask), the default is [`Scheme::Fmm`].
+    pub fn scheme(mut self, scheme: Scheme) -> Self {
+        self.choices.scheme = Some(scheme);
+        self
+    }
+
+    /// The largest number of points in a leaf.
+    ///
+    /// By default the expansion [chooses](Expansion::leaf_size) by the time that a pair of these
+    /// points takes, measured once in a process for each type of kernel and tolerance. Another
+    /// process or another machine may so come to another tree or scheme, and to sums that differ in
+    /// rounding and within the tolerance. A fixed leaf size makes them the same to the bit.
+    pub fn leaf_size(mut self, leaf_size: usize) -> Self {
+        self.choices.leaf_size = Some(leaf_size);
+        self
+    }
+
+    /// Whom to tell how far building has come, possibly from several threads at once.
+    pub fn progress<'b>(self, report: &'b (dyn Fn(Progress) + Sync)) -> Builder<'b, E, M> {
+        let Self { expansion, mask, choices } = self;
+        Builder { expansion, mask, choices: Choices { progress: Some(report), ..choices } }
+    }
+
+    /// The most bytes that the plan and one workspace may need; by default as many as it takes. With a
+    /// budget, building makes an [`estimate`](Self::estimate) as soon as the trees stand, and stops there
+    /// if that is more. Operators of expansions are not counted.
+    pub fn memory_budget(mut self, bytes: usize) -> Self {
+        self.choices.memory_budget = Some(bytes);
+        self
+    }
+
+    /// What the plan would cost, without making its lists and operators: sorts the points into trees,
+    /// and asks the mask for some cells. O(N).
+    ///
+    /// ```
+    /// use farfield::{Error, Fmm, from_fn};
+    /// use glam::DVec3;
+    ///
+    /// let points: Vec<DVec3> = (0..5000).map(|i| DVec3::splat(f64::from(i)).map(f64::sin)).collect();
+    /// let builder = Fmm::builder(from_fn(|x: DVec3, y: DVec3| (-x.distance(y)).exp()));
+    /// let estimate = builder.estimate(&points, &points)?;
+    /// assert!(estimate.bytes() > 5000 * size_of::<DVec3>());
+    /// let refused = builder.memory_budget(estimate.bytes() / 2).build(&points, &points);
+    /// assert!(matches!(refused, Err(Error::OverMemoryBudget { .. })));
+    /// # Ok::<(), Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// As [`build`](Self::build), but for those of the expansion.
+    pub fn estimate(
+        &self,
+        sources: &[SourceOf<E>],
+        targets: &[TargetOf<E>],
+    ) -> Result<Estimate, Error> {
+        let (mut clock, mut tree_seconds) = (Clock::start(), 0.0);
+        let trees = self.trees(sources, targets)?;
+        clock.lap(&mut tree_seconds);
+        let candidates = self.candidates(&trees, tree_seconds);
+        let (Candidate { scheme, estimate }, _) = cheapest(&self.expansion, &candidates);
+        Ok(estimate.unwrap_or_else(|| self.estimate_of(scheme, &trees, tree_seconds)))
+    }
+
+    /// Builds the plan. Empty sets are valid: sums over no sources are zero. If sources and targets
+    /// are at the same points in the same order, they share one tree.
+    ///
+    /// # Errors
+    /// If a coordinate is not finite, the points extend too far for their precision, the leaf size is
+    /// zero, the plan would need more memory than it may, or the expansion can't meet its tolerance or
+    /// order.
+    pub fn build(
+        mut self,
+        sources: &[SourceOf<E>],
+        targets: &[TargetOf<E>],
+    ) -> Result<Fmm<E>, Error> {
+        let (mut clock, mut times) = (Clock::start(), BuildTimes::default());
+        self.report(Phase::Tree, 0.0);
+        let mut trees = self.trees(sources, targets)?;
+        self.report(Phase::Tree, 1.0);
+        clock.lap(&mut times.tree);
+
+        self.report(Phase::Lists, 0.0);
+        let candidates = self.candidates(&trees, times.tree);
+        loop {
+            let (Candidate { scheme, mut estimate }, doubted) =
+                cheapest(&self.expansion, &candidates);
+            if let Some(budget) = self.choices.memory_budget {
+                let estimate =
+                    estimate.get_or_insert_with(|| self.estimate_of(scheme, &trees, times.tree));
+                if estimate.bytes() > budget {
+                    return Err(Error::OverMemoryBudget { budget, needed: estimate.bytes() });
+                }
+            }
+            clock.lap(&mut times.lists);
+            let mask = self.cell_mask(&trees);
+            let traversal = self.traversal(scheme, &trees, &mask);
+            let lists = traversal.lists(&|fraction| self.report(Phase::Lists, fraction));
+            self.report(Phase::Lists, 1.0);
+            clock.lap(&mut times.lists);
+
+            self.report(Phase::Operators, 0.0);
+            let levels = levels(&lists, &trees.source_tree, &trees.target_tree, scheme);
+            self.expansion.prepare(&Geometry { root: trees.root, levels })?;
+            self.report(Phase::Operators, 1.0);
+            clock.lap(&mut times.operators);
+
+            let plan = Plan::new(self.expansion, scheme, trees, lists);
+            clock.lap(&mut times.lists);
+            let right = match &estimate {
+                Some(estimate) if doubted => {
+                    correct(&plan, estimate);
+                    cheapest(&plan.expansion, &candidates).0.scheme == scheme
+                }
+                _ => true,
+            };
+            if right {
+                return Ok(Fmm::new(plan, times, estimate));
+            }
+            (self.expansion, trees) = plan.into_parts();
+        }
+    }
+
+    /// The schemes that may be taken: the one that is given, or any.
+    fn candidates(
+        &self,
+        trees: &Trees<SourceOf<E>, TargetOf<E>>,
+        tree_seconds: f64,
+    ) -> Vec<Candidate> {
+        let Choices { scheme, leaf_size, masked, .. } = self.choices;
+        let given = scheme.or((masked || leaf_size.is_some()).then_some(Scheme::Fmm));
+        if let Some(scheme) = given {
+            return vec![Candidate { scheme, estimate: None }];
+        }
+        let candidate = |scheme| {
+            let estimate = Some(self.estimate_of(scheme, trees, tree_seconds));
+            Candidate { scheme, estimate }
+        };
+        let mut candidates = [Scheme::Fmm, Scheme::Treecode { m2m: true }].map(candidate).to_vec();
+        // Where direct sums are hopeless, they need no estimate of their own.
+        let hopeless = |expanded: &Candidate| {
+            expanded.estimate.is_some_and(|e| e.direct_seconds > DOUBT * e.apply_seconds())
+        };
+        if !candidates.iter().any(hopeless) {
+            candidates.insert(0, candidate(Scheme::Direct));
+        }
+        candidates
+    }
+
+    fn estimate_of(
+        &self,
+        scheme: Scheme,
+        trees: &Trees<SourceOf<E>, TargetOf<E>>,
+        tree_seconds: f64,
+    ) -> Estimate {
+        let pair_seconds = self.pair_seconds(&trees.sources, &trees.targets);
+        let expansion = &self.expansion;
+        let forecast = Forecast { expansion, scheme, trees, pair_seconds, tree_seconds };
+        forecast.estimate(&self.traversal(scheme, trees, &self.cell_mask(trees)))
+    }
+
+    fn trees(
+        &self,
+        sources: &[SourceOf<E>],
+        targets: &[TargetOf<E>],
+    ) -> Result<Trees<SourceOf<E>, TargetOf<E>>, Error> {
+        let best = || self.expansion.leaf_size(self.pair_seconds(sources, targets));
+        Trees::new(sources, targets, &|| self.choices.leaf_size.unwrap_or_else(best))
+    }
+
+    fn pair_seconds(&self, sources: &[SourceOf<E>], targets: &[TargetOf<E>]) -> f64 {
+        let (kernel, tolerance) = (self.expansion.kernel(), self.expansion.pair_tolerance());
+        pair_seconds(kernel, tolerance, sources, targets)
+    }
+
+    fn cell_mask<'b>(
+        &'b self,
+        trees: &'b Trees<SourceOf<E>, TargetOf<E>>,
+    ) -> PointMask<'b, E::Kernel, M> {
+        PointMask {
+            mask: &self.mask,
+            targets: TreePoints { tree: &trees.target_tree, points: &trees.targets },
+            sources: TreePoints { tree: &trees.source_tree, points: &trees.sources },
+        }
+    }
+
+    fn traversal<'b>(
+        &self,
+        scheme: Scheme,
+        trees: &'b Trees<SourceOf<E>, TargetOf<E>>,
+        mask: &'b dyn CellMask,
+    ) -> Traversal<'b, RealOf<E>> {
+        Traversal {
+            targets: &trees.target_tree,
+            sources: &trees.source_tree,
+            mask,
+            far: match scheme {
+                Scheme::Direct => Far::Nothing,
+                Scheme::Fmm if self.expansion.weighs() => Far::Weighed,
+                Scheme::Fmm | Scheme::Treecode { .. } => Far::Whole,
+            },
+        }
+    }
+
+    fn report(&self, phase: Phase, fraction: f64) {
+        if let Some(report) = self.choices.progress {
+            report(Progress { phase, fraction });
+        }
+    }
+}
+
+impl<E: fmt::Debug, M: fmt::Debug> fmt::Debug for Builder<'_, E, M> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Builder")
+            .field("expansion", &self.expansion)
+            .field("mask", &self.mask)
+            .field("scheme", &self.choices.scheme)
+            .field("leaf_size", &self.choices.leaf_size)
+            .finish_non_exhaustive()
+    }
+}

@@ -1,0 +1,126 @@
+//! Which scheme is cheapest to apply: by forecast, corrected by what was measured.
+
+use std::any::type_name;
+use std::collections::BTreeMap;
+use std::hint::black_box;
+use std::sync::Mutex;
+use std::time::Instant;
+
+use crate::expansion::Expansion;
+use crate::numbers::real::Additive;
+use crate::plan::estimate::Estimate;
+use crate::plan::{Plan, Scheme, Workspace};
+
+/// A scheme that may be taken.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Candidate {
+    pub(crate) scheme: Scheme,
+    /// What a plan would cost; none if no other scheme may be taken.
+    pub(crate) estimate: Option<Estimate>,
+}
+
+impl Candidate {
+    fn seconds(&self) -> f64 {
+        self.estimate.map_or(0.0, |estimate| estimate.apply_seconds())
+    }
+}
+
+/// Expansions may take this many times as long as forecast.
+pub(crate) const DOUBT: f64 = 16.0;
+
+/// The cheapest candidate, the first of several, and whether a wrong forecast may have made it so.
+pub(crate) fn cheapest<E: Expansion>(expansion: &E, candidates: &[Candidate]) -> (Candidate, bool) {
+    let correction = |i: usize| correction(expansion, candidates[i].scheme);
+    let seconds = |i: usize| candidates[i].seconds() * correction(i).unwrap_or(1.0);
+    let shorter = |best: usize, i: usize| if seconds(i) < seconds(best) { i } else { best };
+    let best = (1..candidates.len()).fold(0, shorter);
+    let rival = |i: usize| i != best && seconds(i) < DOUBT * seconds(best);
+    let doubted = correction(best).is_none() && (0..candidates.len()).any(rival);
+    (candidates[best], doubted)
+}
+
+/// Applies `plan` to see how many times as long as forecast it takes, and remembers that for all plans
+/// of its kind.
+pub(crate) fn correct<E: Expansion>(plan: &Plan<E>, estimate: &Estimate) {
+    let charges = vec![Additive::zero(); plan.sources.len()];
+    let mut workspace = Workspace::new(plan);
+    let (start, mut shortest) = (Instant::now(), f64::INFINITY);
+    for _ in 0..REPETITIONS {
+        let before = Instant::now();
+        black_box(plan.run(&charges, &mut workspace));
+        shortest = shortest.min(before.elapsed().as_secs_f64());
+        if start.elapsed().as_secs_f64() > BUDGET {
+            break;
+        }
+    }
+    let factor = shortest / estimate.apply_seconds().max(f64::MIN_POSITIVE);
+    remembered(|factors| factors.insert(kind(&plan.expansion, plan.scheme), factor));
+}
+
+/// How often a plan is applied to see how long that takes, and after how many seconds no more.
+const REPETITIONS: usize = 4;
+const BUDGET: f64 = 0.05;
+
+/// How many times as long as forecast an application takes, if that is known. Forecasts of direct sums
+/// rest on a measured pace as they are.
+fn correction<E: Expansion>(expansion: &E, scheme: Scheme) -> Option<f64> {
+    match scheme {
+        Scheme::Direct => Some(1.0),
+        _ => remembered(|factors| factors.get(&kind(expansion, scheme)).copied()),
+    }
+}
+
+/// What plans of a kind have in common: the expansion's type, precision and size, and the scheme.
+type Kind = (&'static str, u64, usize, Scheme);
+
+fn kind<E: Expansion>(expansion: &E, scheme: Scheme) -> Kind {
+    let tolerance = expansion.pair_tolerance().to_bits();
+    (type_name::<E>(), tolerance, expansion.expected_terms(), scheme)
+}
+
+fn remembered<R>(ask: impl FnOnce(&mut BTreeMap<Kind, f64>) -> R) -> R {
+    static FACTORS: Mutex<BTreeMap<Kind, f64>> = Mutex::new(BTreeMap::new());
+    ask(&mut FACTORS.lock().unwrap_or_else(|e| e.into_inner()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::interpolation::black_box::Interpolation;
+    use crate::{Fmm, from_fn};
+    use glam::DVec3;
+
+    fn candidate(scheme: Scheme, seconds: f64) -> Candidate {
+        let points = [DVec3::ZERO, DVec3::X];
+        let estimate = Fmm::builder(from_fn(|x: DVec3, y: DVec3| x.distance(y)))
+            .estimate(&points, &points)
+            .unwrap();
+        let estimate = Estimate { near_seconds: seconds, far_seconds: 0.0, ..estimate };
+        Candidate { scheme, estimate: Some(estimate) }
+    }
+
+    #[test]
+    fn only_forecasts_of_expansions_are_doubted() {
+        let expansion = Interpolation::new(from_fn(|x: DVec3, y: DVec3| x.distance(y)));
+        let pick = |direct: f64, fmm: f64| {
+            let candidates = [candidate(Scheme::Direct, direct), candidate(Scheme::Fmm, fmm)];
+            let (best, doubted) = cheapest(&expansion, &candidates);
+            (best.scheme, doubted)
+        };
+        assert_eq!(pick(1.0, 1.0), (Scheme::Direct, false));
+        assert_eq!(pick(1.0, 0.9), (Scheme::Fmm, true));
+        assert_eq!(pick(1.0, 0.9 / DOUBT), (Scheme::Fmm, false));
+        // Once it is known how far forecasts are off, nothing is.
+        remembered(|factors| factors.insert(kind(&expansion, Scheme::Fmm), 2.0));
+        assert_eq!(pick(1.0, 0.6), (Scheme::Direct, false));
+        assert_eq!(pick(1.0, 0.4), (Scheme::Fmm, false));
+    }
+
+    #[test]
+    fn a_plan_without_rivals_is_not_doubted() {
+        let expansion = Interpolation::new(from_fn(|x: DVec3, y: DVec3| x.distance(y)));
+        let alone = [Candidate { scheme: Scheme::Fmm, estimate: None }];
+        let (best, doubted) = cheapest(&expansion, &alone);
+        assert_eq!((best.scheme, doubted), (Scheme::Fmm, false));
+    }
+}

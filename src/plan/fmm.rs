@@ -1,0 +1,153 @@
+//! The plan: everything that depends on geometry alone, built once, applied to any charges.
+
+use std::fmt;
+use std::sync::Mutex;
+
+use crate::error::Error;
+use crate::expansion::{ChargeOf, Expansion, ValueOf};
+use crate::numbers::real::Additive;
+use crate::parallel;
+use crate::plan::estimate::Estimate;
+use crate::plan::stats::{Stats, stats};
+use crate::plan::times::{ApplyTimes, BuildTimes, Clock};
+use crate::plan::{Plan, Workspace};
+
+/// A plan for sums between fixed points: trees, interaction lists, operators and mask.
+///
+/// Building costs O(N log N); [`apply`](Self::apply) may then be called any number of times, from
+/// any thread. Its result has the same bits for any number of threads.
+///
+/// ```
+/// use farfield::{Fmm, from_fn};
+/// use glam::DVec3;
+///
+/// let points: Vec<DVec3> = (0..500).map(|i| DVec3::splat(f64::from(i)).map(f64::sin)).collect();
+/// let charges = vec![1.0; points.len()];
+///
+/// let kernel = from_fn(|x: DVec3, y: DVec3| (-x.distance(y)).exp());
+/// let fmm = Fmm::builder(kernel).tolerance(1e-6).build(&points, &points)?;
+/// let potentials = fmm.apply(&charges)?;
+///
+/// let exact = farfield::direct(&kernel, &points, &charges, &points);
+/// assert!(farfield::relative_l2_error(&potentials, &exact) < 1e-6);
+/// # Ok::<(), farfield::Error>(())
+/// ```
+pub struct Fmm<E: Expansion> {
+    pub(crate) plan: Plan<E>,
+    stats: Stats,
+    build_times: BuildTimes,
+    estimate: Option<Estimate>,
+    idle: Mutex<Vec<Workspace<E>>>,
+}
+
+impl<E: Expansion> Fmm<E> {
+    pub(crate) fn new(plan: Plan<E>, build_times: BuildTimes, estimate: Option<Estimate>) -> Self {
+        let stats = stats(&plan);
+        Self { plan, stats, build_times, estimate, idle: Mutex::new(Vec::new()) }
+    }
+
+    /// The sums u_i = Σ_j K(x_i, y_j) q_j at all targets, in the caller's order. O(N).
+    ///
+    /// # Errors
+    /// If there is not one charge per source, a charge is not finite, or a sum is not.
+    pub fn apply(&self, charges: &[ChargeOf<E>]) -> Result<Vec<ValueOf<E>>, Error> {
+        self.check_charges(charges)?;
+        let values = self.with_workspace(|workspace| self.plan.run(charges, workspace));
+        check_values(&values)?;
+        Ok(values)
+    }
+
+    /// The same sums as [`apply`](Self::apply), to the bit, with the time that each operator took.
+    /// A little slower: what `apply` does in one sweep over the targets takes three.
+    ///
+    /// # Errors
+    /// As [`apply`](Self::apply).
+    pub fn apply_timed(
+        &self,
+        charges: &[ChargeOf<E>],
+    ) -> Result<(Vec<ValueOf<E>>, ApplyTimes), Error> {
+        let mut clock = Clock::start();
+        let mut checks = 0.0;
+        self.check_charges(charges)?;
+        clock.lap(&mut checks);
+        let (values, mut times) =
+            self.with_workspace(|workspace| self.plan.run_timed(charges, workspace));
+        clock = Clock::start();
+        check_values(&values)?;
+        clock.lap(&mut checks);
+        times.permutation += checks;
+        Ok((values, times))
+    }
+
+    /// What the plan consists of.
+    pub fn stats(&self) -> &Stats {
+        &self.stats
+    }
+
+    /// How long building the plan took.
+    pub fn build_times(&self) -> &BuildTimes {
+        &self.build_times
+    }
+
+    /// What the plan was expected to cost, if that was asked: for a choice of scheme or a memory budget.
+    pub fn estimate(&self) -> Option<&Estimate> {
+        self.estimate.as_ref()
+    }
+
+    /// The expansion, as prepared for this plan.
+    pub fn expansion(&self) -> &E {
+        &self.plan.expansion
+    }
+
+    pub(crate) fn check_charges(&self, charges: &[ChargeOf<E>]) -> Result<(), Error> {
+        if charges.len() != self.plan.sources.len() {
+            let (expected, found) = (self.plan.sources.len(), charges.len());
+            return Err(Error::LengthMismatch { what: "charges", expected, found });
+        }
+        match first_not_finite(charges) {
+            Some(index) => {
+                Err(Error::NonFiniteCharge { index, charge: format!("{:?}", charges[index]) })
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// Lends a workspace that no other call is using: allocated once, then kept.
+    pub(crate) fn with_workspace<V>(&self, work: impl FnOnce(&mut Workspace<E>) -> V) -> V {
+        let idle = self.idle.lock().unwrap_or_else(|e| e.into_inner()).pop();
+        let mut workspace = idle.unwrap_or_else(|| Workspace::new(&self.plan));
+        let result = work(&mut workspace);
+        self.idle.lock().unwrap_or_else(|e| e.into_inner()).push(workspace);
+        result
+    }
+}
+
+pub(crate) fn check_values<V: Additive>(values: &[V]) -> Result<(), Error> {
+    match first_not_finite(values) {
+        Some(index) => Err(Error::NonFiniteValue { index, value: format!("{:?}", values[index]) }),
+        None => Ok(()),
+    }
+}
+
+/// Index of the first value that is not finite. O(N).
+fn first_not_finite<V: Additive>(values: &[V]) -> Option<usize> {
+    let chunks = values.len().div_ceil(CHUNK);
+    let found = parallel::map(chunks, &|chunk| {
+        let start = CHUNK * chunk;
+        let mut values = values[start..].iter().take(CHUNK);
+        values.position(|v| !v.is_finite()).map(|i| start + i)
+    });
+    found.into_iter().flatten().next()
+}
+
+/// Values per task of a check.
+const CHUNK: usize = 4096;
+
+impl<E: Expansion> fmt::Debug for Fmm<E> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Fmm")
+            .field("scheme", &self.plan.scheme)
+            .field("stats", &self.stats)
+            .finish()
+    }
+}

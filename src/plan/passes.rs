@@ -1,0 +1,340 @@
+//! The passes of one application: up the source tree, across, down the target tree, out.
+//!
+//! Each cell's terms and each target's sum are written by one task, in one fixed order: the result
+//! does not depend on the number of threads.
+
+use std::ops::Range;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+
+use crate::expansion::{ChargeOf, Expansion, LevelFamilies, LevelPairs, TargetOf, ValueOf};
+use crate::kernel::{Kernel, Outcome};
+use crate::numbers::real::Additive;
+use crate::octree::shape::Shape;
+use crate::parallel;
+use crate::plan::near::{Gathered, Near};
+use crate::plan::times::{ApplyTimes, Clock};
+use crate::plan::{Plan, Scheme, Workspace};
+
+/// What is added up at the targets in one sweep over their leaves.
+#[derive(Clone, Copy)]
+struct Sweep {
+    local: bool,
+    multipole: bool,
+    near: bool,
+}
+
+impl Sweep {
+    const NONE: Self = Self { local: false, multipole: false, near: false };
+    const LOCAL: Self = Self { local: true, ..Self::NONE };
+    const MULTIPOLE: Self = Self { multipole: true, ..Self::NONE };
+    const NEAR: Self = Self { near: true, ..Self::NONE };
+    const FAR: Self = Self { local: true, multipole: true, ..Self::NONE };
+    const ALL: Self = Self { local: true, multipole: true, near: true };
+}
+
+impl<E: Expansion> Plan<E> {
+    /// The sums for `charges`, in the caller's order.
+    pub(crate) fn run(
+        &self,
+        charges: &[ChargeOf<E>],
+        workspace: &mut Workspace<E>,
+    ) -> Vec<ValueOf<E>> {
+        let mut unread = ApplyTimes::default();
+        self.carry(charges, workspace, &mut Clock::start(), &mut unread);
+        self.evaluate(workspace, Sweep::ALL);
+        self.in_callers_order(workspace)
+    }
+
+    /// The same sums, to the bit, with the seconds that each operator took.
+    pub(crate) fn run_timed(
+        &self,
+        charges: &[ChargeOf<E>],
+        workspace: &mut Workspace<E>,
+    ) -> (Vec<ValueOf<E>>, ApplyTimes) {
+        let (mut clock, mut times) = (Clock::start(), ApplyTimes::default());
+        self.carry(charges, workspace, &mut clock, &mut times);
+        self.evaluate(workspace, Sweep::LOCAL);
+        clock.lap(&mut times.l2p);
+        self.evaluate(workspace, Sweep::MULTIPOLE);
+        clock.lap(&mut times.m2p);
+        self.evaluate(workspace, Sweep::NEAR);
+        clock.lap(&mut times.near);
+        let values = self.in_callers_order(workspace);
+        clock.lap(&mut times.permutation);
+        (values, times)
+    }
+
+    /// The same sums, to the bit, left in the workspace in tree order; also, in the same order, what
+    /// was there before the near field was added.
+    pub(crate) fn run_parted(
+        &self,
+        charges: &[ChargeOf<E>],
+        workspace: &mut Workspace<E>,
+    ) -> Vec<ValueOf<E>> {
+        self.carry(charges, workspace, &mut Clock::start(), &mut ApplyTimes::default());
+        self.evaluate(workspace, Sweep::FAR);
+        let far = workspace.values.clone();
+        self.evaluate(workspace, Sweep::NEAR);
+        far
+    }
+
+    /// The sums in the caller's order.
+    pub(crate) fn in_callers_order(&self, workspace: &Workspace<E>) -> Vec<ValueOf<E>> {
+        let ranks = &self.layout.target_ranks;
+        let mut values = vec![Additive::zero(); ranks.len()];
+        parallel::for_each_piece(&mut values, PIECE, &|piece, values| {
+            let places = values.iter_mut().zip(&ranks[PIECE * piece..]);
+            places.for_each(|(u, &rank)| *u = workspace.values[rank as usize]);
+        });
+        values
+    }
+
+    /// Everything before the values: from charges to multipole and local terms.
+    fn carry(
+        &self,
+        charges: &[ChargeOf<E>],
+        workspace: &mut Workspace<E>,
+        clock: &mut Clock,
+        times: &mut ApplyTimes,
+    ) {
+        let order = &self.source_tree.shape.order;
+        parallel::for_each_piece(&mut workspace.charges, PIECE, &|piece, qs| {
+            let places = qs.iter_mut().zip(&order[PIECE * piece..]);
+            places.for_each(|(q, &i)| *q = charges[i as usize]);
+        });
+        clock.lap(&mut times.permutation);
+        self.p2m(workspace);
+        clock.lap(&mut times.p2m);
+        if self.scheme.shifts_moments() {
+            self.m2m(workspace);
+            clock.lap(&mut times.m2m);
+        }
+        if self.scheme == Scheme::Fmm {
+            for level in 0..self.target_tree.shape.levels() {
+                self.m2l(level, workspace);
+                clock.lap(&mut times.m2l);
+                self.l2l(level, workspace);
+                clock.lap(&mut times.l2l);
+            }
+        }
+    }
+
+    /// P2M wherever moments are not shifted from children.
+    fn p2m(&self, workspace: &mut Workspace<E>) {
+        let Workspace { charges, multipoles, .. } = workspace;
+        let tree = &self.source_tree;
+        for (level, multipoles) in multipoles.iter_mut().enumerate() {
+            let first = tree.shape.level(level).start;
+            let len = self.expansion.multipole_len(level);
+            parallel::for_each_piece(multipoles, len, &|i, multipole| {
+                let (cell, node) = (&tree.cells[first + i], &tree.shape.nodes[first + i]);
+                if !self.layout.multipole[first + i]
+                    || (!node.is_leaf() && self.scheme.shifts_moments())
+                {
+                    return;
+                }
+                multipole.fill(Additive::zero());
+                let points = node.points();
+                let (ys, qs) = (&self.sources[points.clone()], &charges[points]);
+                self.expansion.p2m(cell, ys, qs, multipole);
+            });
+        }
+    }
+
+    /// M2M into every cell that has children, from the deepest up.
+    fn m2m(&self, workspace: &mut Workspace<E>) {
+        let tree = &self.source_tree;
+        for level in (1..tree.shape.levels()).rev() {
+            let (above, below) = workspace.multipoles.split_at_mut(level);
+            let families = LevelFamilies::new(tree, level - 1, &self.layout.multipole);
+            let to = &mut above[level - 1];
+            let len = self.expansion.multipole_len(level - 1);
+            parallel::for_each_piece(to, len, &|p, multipole| {
+                if !families.children_of(p).is_empty() {
+                    multipole.fill(Additive::zero());
+                }
+            });
+            self.expansion.m2m_level(&families, &below[0], to);
+        }
+    }
+
+    /// M2L within one level.
+    fn m2l(&self, level: usize, workspace: &mut Workspace<E>) {
+        let Workspace { multipoles, locals, .. } = workspace;
+        let (sources, targets) = (&self.source_tree, &self.target_tree);
+        let locals = &mut locals[level];
+        if locals.is_empty() {
+            return;
+        }
+        parallel::for_each_piece(locals, PIECE, &|_, terms| terms.fill(Additive::zero()));
+        let cells = targets.shape.level(level);
+        for (weight, list) in self.lists.weighed_m2l() {
+            let starts = &list.starts[cells.start..=cells.end];
+            if starts[0] != starts[cells.len()] {
+                let source_cells = sources.shape.level(level);
+                let pairs = LevelPairs {
+                    level,
+                    weight,
+                    sources: &sources.cells[source_cells.clone()],
+                    targets: &targets.cells[cells.clone()],
+                    starts,
+                    list: &list.items,
+                    first_source: source_cells.start,
+                };
+                self.expansion.m2l_level(&pairs, &multipoles[level], locals);
+            }
+        }
+    }
+
+    /// L2L and P2L into one level.
+    fn l2l(&self, level: usize, workspace: &mut Workspace<E>) {
+        let Workspace { charges, locals, p2l_declined, .. } = workspace;
+        let (sources, targets) = (&self.source_tree, &self.target_tree);
+        let (above, tail) = locals.split_at_mut(level);
+        if let Some(above) = above.last() {
+            let families = LevelFamilies::new(targets, level - 1, &self.layout.local);
+            self.expansion.l2l_level(&families, above, &mut tail[0]);
+        }
+        let p2l = &self.lists.p2l;
+        let first = targets.shape.level(level).start;
+        let len = self.expansion.local_len(level);
+        parallel::for_each_piece(&mut tail[0], len, &|i, local| {
+            let t = first + i;
+            for (k, &s) in p2l.of(t).iter().enumerate() {
+                let points = sources.shape.nodes[s as usize].points();
+                let (ys, qs) = (&self.sources[points.clone()], &charges[points]);
+                let declined =
+                    self.expansion.p2l(&targets.cells[t], ys, qs, local) == Outcome::Declined;
+                p2l_declined[p2l.starts[t] + k].store(declined, Relaxed);
+            }
+        });
+    }
+
+    /// Adds up what one sweep brings to the values at every target leaf.
+    fn evaluate(&self, workspace: &mut Workspace<E>, sweep: Sweep) {
+        let Workspace { charges, values, multipoles, locals, p2l_declined, gathered } = workspace;
+        let near = Near {
+            kernel: self.expansion.kernel(),
+            tolerance: self.expansion.pair_tolerance(),
+            sources: &self.sources,
+            charges,
+            bits: &self.lists.bits,
+        };
+        let at_leaf = |t: usize, us: &mut [ValueOf<E>]| {
+            let tree = &self.target_tree;
+            let xs = &self.targets[tree.shape.nodes[t].points()];
+            if sweep.local {
+                us.fill(Additive::zero());
+            }
+            if sweep.local && self.layout.local[t] {
+                let cell = &tree.cells[t];
+                let len = self.expansion.local_len(cell.level());
+                let local =
+                    terms(&locals[cell.level()], t - tree.shape.level(cell.level()).start, len);
+                self.expansion.l2p(cell, local, xs, us);
+            }
+            if sweep.multipole {
+                let far = Far { plan: self, charges, multipoles };
+                for &s in self.lists.m2p.of(t) {
+                    far.m2p(s, xs, us);
+                }
+                self.inherited(t, &far, p2l_declined, xs, us);
+            }
+            if sweep.near {
+                let runs = self.lists.near.of(t);
+                gathered.with(Gathered::default, |gathered| near.add(runs, gathered, xs, us));
+            }
+        };
+        for_each_leaf(&self.target_tree.shape, &self.layout.tasks, values, &at_leaf);
+    }
+
+    /// What the cells above a target leaf, and the leaf itself, have not put into local expansions:
+    /// the M2L list of a treecode, and what P2L declined.
+    fn inherited(
+        &self,
+        leaf: usize,
+        far: &Far<'_, E>,
+        p2l_declined: &[AtomicBool],
+        xs: &[TargetOf<E>],
+        us: &mut [ValueOf<E>],
+    ) {
+        let treecode = self.scheme != Scheme::Fmm;
+        let p2l = &self.lists.p2l;
+        for t in self.target_tree.shape.path_to_root(leaf) {
+            if treecode {
+                for &s in self.lists.m2l.of(t) {
+                    far.m2p(s, xs, us);
+                }
+            }
+            for (k, &s) in p2l.of(t).iter().enumerate() {
+                if p2l_declined[p2l.starts[t] + k].load(Relaxed) {
+                    far.direct(s, xs, us);
+                }
+            }
+        }
+    }
+}
+
+/// Calls `visit` for each leaf of `tasks` with its part of `values`, in parallel.
+fn for_each_leaf<V: Send>(
+    shape: &Shape,
+    tasks: &[Range<usize>],
+    mut values: &mut [V],
+    visit: &(dyn Fn(usize, &mut [V]) + Sync),
+) {
+    let points = |leaf: usize| shape.nodes[shape.leaves[leaf] as usize].points();
+    match tasks {
+        [] => (),
+        [task] => {
+            for leaf in task.clone() {
+                let (us, rest) = values.split_at_mut(points(leaf).len());
+                visit(shape.leaves[leaf] as usize, us);
+                values = rest;
+            }
+        }
+        _ => {
+            let (left, right) = tasks.split_at(tasks.len() / 2);
+            let middle = points(right[0].start).start - points(left[0].start).start;
+            let (before, after) = values.split_at_mut(middle);
+            rayon::join(
+                || for_each_leaf(shape, left, before, visit),
+                || for_each_leaf(shape, right, after, visit),
+            );
+        }
+    }
+}
+
+/// What is needed to bring a source cell's field straight to targets.
+struct Far<'a, E: Expansion> {
+    plan: &'a Plan<E>,
+    charges: &'a [ChargeOf<E>],
+    multipoles: &'a [Vec<E::MultipoleTerm>],
+}
+
+impl<E: Expansion> Far<'_, E> {
+    fn m2p(&self, s: u32, xs: &[TargetOf<E>], us: &mut [ValueOf<E>]) {
+        let (plan, tree) = (self.plan, &self.plan.source_tree);
+        let cell = &tree.cells[s as usize];
+        let len = plan.expansion.multipole_len(cell.level());
+        let index = s as usize - tree.shape.level(cell.level()).start;
+        let multipole = terms(&self.multipoles[cell.level()], index, len);
+        if plan.expansion.m2p(cell, multipole, xs, us) == Outcome::Declined {
+            self.direct(s, xs, us);
+        }
+    }
+
+    fn direct(&self, s: u32, xs: &[TargetOf<E>], us: &mut [ValueOf<E>]) {
+        let points = self.plan.source_tree.shape.nodes[s as usize].points();
+        let (ys, qs) = (&self.plan.sources[points.clone()], &self.charges[points]);
+        let expansion = &self.plan.expansion;
+        expansion.kernel().add_block(xs, ys, qs, expansion.pair_tolerance(), us);
+    }
+}
+
+/// The terms of one cell of a level.
+fn terms<V>(level: &[V], index: usize, len: usize) -> &[V] {
+    &level[index * len..][..len]
+}
+
+/// Items per task where each takes no time.
+const PIECE: usize = 4096;
