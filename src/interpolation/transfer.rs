@@ -12,7 +12,7 @@ use crate::interpolation::exchange::{Coordinates, Exchange, Pair};
 use crate::interpolation::means::{INTERACTION_OFFSETS, interaction_offsets, weight};
 use crate::interpolation::probe::{Formula, power_of_two, zero};
 use crate::interpolation::tuning::{EXCHANGE_BLOCK, SWEEP_CHUNK, TASK_BYTES};
-use crate::numbers::real::{Real, Scalar};
+use crate::numbers::traits::{Real, Scalar};
 use crate::parallel;
 use crate::parallel::pool::Pool;
 

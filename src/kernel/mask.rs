@@ -1,8 +1,8 @@
 //! Masks: which pairs count.
 
-use crate::kernel::Kernel;
-use crate::numbers::real::Additive;
-use crate::numbers::real::Located;
+use crate::error::Error;
+use crate::kernel::traits::Kernel;
+use crate::numbers::traits::{Located, Numbers};
 use crate::octree::geometry::Cell;
 use crate::parallel;
 
@@ -95,16 +95,16 @@ impl<K: Kernel> Mask<K> for Unmasked {
 /// Direct summation with a mask: u_i = Σ_j K(x_i, y_j) V(x_i, y_j) q_j, asking for every pair.
 /// O(N·M): the reference for masked plans.
 ///
-/// # Panics
-/// If `sources` and `charges` differ in length.
+/// # Errors
+/// [`Error::LengthMismatch`] if there is not one charge per source.
 pub fn direct_masked<K: Kernel>(
     kernel: &K,
     mask: &impl Mask<K>,
     sources: &[K::Source],
     charges: &[K::Charge],
     targets: &[K::Target],
-) -> Vec<K::Value> {
-    assert_eq!(sources.len(), charges.len(), "one charge per source");
+) -> Result<Vec<K::Value>, Error> {
+    Error::check_charges(sources.len(), charges.len())?;
     let sum = |x: &K::Target| {
         let mut u = K::Value::zero();
         for (y, q) in sources.iter().zip(charges) {
@@ -114,7 +114,7 @@ pub fn direct_masked<K: Kernel>(
         }
         u
     };
-    parallel::map(targets.len(), &|i| sum(&targets[i]))
+    Ok(parallel::map(targets.len(), &|i| sum(&targets[i])))
 }
 
 impl<K: Kernel, M: Mask<K>> Mask<K> for &M {

@@ -233,7 +233,7 @@ registers!(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::numbers::real::Scalar;
+    use crate::numbers::traits::Scalar;
 
     /// Against the products of `dense`: shapes below, at and above whole strips and groups; vectors out
     /// of order and apart.

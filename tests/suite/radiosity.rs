@@ -92,8 +92,19 @@ fn a_furnace_glows_evenly_whatever_stands_in_it() {
     let emission: Vec<_> =
         reflectance.iter().zip(&row_sums).map(|(rho, sum)| [1.0 - rho[0] * sum]).collect();
     let fmm = plan(surfels, &mask);
-    let solution = jacobi(&emission, &reflectance, TIGHT, |b| fmm.apply(b), |_, _| ()).unwrap();
+    // At this order near pairs are summed in single precision, whose rounding of 6e-8 is the least residual
+    // that all machines reach.
+    let stop = Stop { tolerance: 1e-6, ..TIGHT };
+    let solution = jacobi(&emission, &reflectance, stop, |b| fmm.apply(b), |_, _| ()).unwrap();
     assert!(relative_l2_error(&solution.radiosity, &vec![[1.0]; surfels.len()]) < ACCURACY);
+    // Where roundings happen to settle, some reach less. Others say at once that they don't.
+    match jacobi(&emission, &reflectance, TIGHT, |b| fmm.apply(b), |_, _| ()) {
+        Ok(solution) => assert!(solution.residual <= TIGHT.tolerance),
+        Err(farfield_radiosity::Error::Stagnated { iterations, residual, floor, .. }) => {
+            assert!(iterations < 100 && residual <= floor && floor < stop.tolerance);
+        }
+        Err(error) => panic!("{error}"),
+    }
 }
 
 #[test]

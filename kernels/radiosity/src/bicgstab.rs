@@ -3,8 +3,10 @@
 use farfield::Real;
 
 use crate::error::Error;
+use crate::residual::{add, checked, relative_residual, residuals, units};
+use crate::rounding::floor;
 use crate::solve::{Solution, Stop, check};
-use crate::watch::{Report, Watch, add, checked, relative_residual, residuals};
+use crate::watch::{Report, Watch};
 
 /// The radiosity equation (1 − ρ H) B = E by BiCGSTAB, from B = E (van der Vorst, SIAM J. Sci. Stat.
 /// Comput. 13, 1992).
@@ -31,7 +33,13 @@ pub fn bicgstab<T: Real, const BANDS: usize, E: Into<Error>, R: Report>(
 ) -> Result<Solution<T, BANDS>, Error> {
     check(emission, reflectance)?;
     let mut gather = checked(gather);
-    let mut watch = Watch::new(stop, progress);
+    let mut watch = Watch::of_estimates(stop, progress);
+    let units = units(emission);
+    let product = |a: &[[T; BANDS]], b: &[[T; BANDS]]| product(a, b, units);
+    let norms = |a: &[[T; BANDS]], b: &[[T; BANDS]]| {
+        let (a, b) = (product(a, a), product(b, b));
+        std::array::from_fn(|k| a[k].sqrt() * b[k].sqrt())
+    };
     let mut radiosity = emission.to_vec();
     let mut iterations = 0;
     loop {
@@ -39,10 +47,11 @@ pub fn bicgstab<T: Real, const BANDS: usize, E: Into<Error>, R: Report>(
         let irradiance = gather(&radiosity)?;
         let mut r = residuals(emission, reflectance, &irradiance, &radiosity);
         let residual = relative_residual(&r, emission);
-        if watch.is_done(iterations, residual)? {
+        let floor = || floor(emission, reflectance, &radiosity, &irradiance, &mut gather);
+        if watch.is_done(iterations, residual, floor)? {
             let interrupted = residual > stop.tolerance;
             if !interrupted {
-                check_sign(&radiosity)?;
+                check_sign(&radiosity, units)?;
             }
             return Ok(Solution { radiosity, irradiance, iterations, residual, interrupted });
         }
@@ -107,15 +116,14 @@ fn outgoing<T: Real, const BANDS: usize>(
     rows.map(|((b, rho), h)| std::array::from_fn(|k| b[k] - rho[k] * h[k])).collect()
 }
 
-/// ⟨a, b⟩, band by band.
-fn product<T: Real, const BANDS: usize>(a: &[[T; BANDS]], b: &[[T; BANDS]]) -> [f64; BANDS] {
-    std::array::from_fn(|k| a.iter().zip(b).map(|(a, b)| a[k].as_f64() * b[k].as_f64()).sum())
-}
-
-/// ‖a‖ ‖b‖, band by band.
-fn norms<T: Real, const BANDS: usize>(a: &[[T; BANDS]], b: &[[T; BANDS]]) -> [f64; BANDS] {
-    let (a, b) = (product(a, a), product(b, b));
-    std::array::from_fn(|k| a[k].sqrt() * b[k].sqrt())
+/// ⟨a, b⟩, band by band, of numbers multiplied by the bands' units.
+fn product<T: Real, const BANDS: usize>(
+    a: &[[T; BANDS]],
+    b: &[[T; BANDS]],
+    units: [f64; BANDS],
+) -> [f64; BANDS] {
+    let term = |k: usize, a: T, b: T| (units[k] * a.as_f64()) * (units[k] * b.as_f64());
+    std::array::from_fn(|k| a.iter().zip(b).map(|(a, b)| term(k, a[k], b[k])).sum())
 }
 
 /// Products divided by others, of vectors whose norms multiply to `size`; none where these are
@@ -141,10 +149,13 @@ fn advance<T: Real, const BANDS: usize>(
 }
 
 /// Bounces of light end at a radiosity that is nowhere negative, or don't end (Perron and Frobenius).
-fn check_sign<T: Real, const BANDS: usize>(radiosity: &[[T; BANDS]]) -> Result<(), Error> {
+fn check_sign<T: Real, const BANDS: usize>(
+    radiosity: &[[T; BANDS]],
+    units: [f64; BANDS],
+) -> Result<(), Error> {
     for band in 0..BANDS {
         let values = || radiosity.iter().map(|b| b[band].as_f64()).enumerate();
-        let square = |(_, b): (usize, f64)| b * b;
+        let square = |(_, b): (usize, f64)| (units[band] * b).powi(2);
         let all: f64 = values().map(square).sum();
         let negative: f64 = values().filter(|(_, b)| *b < 0.0).map(square).sum();
         if negative > NEGATIVE_SHARE.powi(2) * all

@@ -3,9 +3,11 @@
 use farfield::Real;
 
 use crate::error::Error;
+use crate::residual::{add, checked, power_of_two_under, relative_residual, residuals, units};
+use crate::rounding::floor;
 use crate::solve::{Solution, Stop, check, check_length};
 use crate::surfel::{Surfel, check_surfels};
-use crate::watch::{Report, Watch, add, checked, relative_residual, residuals};
+use crate::watch::{Report, Watch};
 
 /// The radiosity equation by conjugate gradients on its symmetric form, from B = E:
 ///
@@ -34,19 +36,23 @@ pub fn conjugate_gradients<T: Real, const BANDS: usize, E: Into<Error>, R: Repor
     check_surfels(surfels)?;
     check_length("emission", emission.len(), surfels.len())?;
     let mut gather = checked(gather);
-    // <a, b> = Σ A/ρ a b, band by band; without reflectance, both are 0.
+    let units = units(emission);
+    let unit_area = power_of_two_under(surfels.iter().map(|surfel| surfel.area.as_f64()));
+    // ⟨a, b⟩ = Σ A/ρ a b, band by band; without reflectance, both are 0. In units of the largest area and
+    // emission: quotients of such products are the same in all units.
     let product = |a: &[[T; BANDS]], b: &[[T; BANDS]]| -> [f64; BANDS] {
         std::array::from_fn(|k| {
             let term = |i: usize| {
                 let rho = reflectance[i][k].as_f64();
-                let weight = if rho > 0.0 { surfels[i].area.as_f64() / rho } else { 0.0 };
-                weight * a[i][k].as_f64() * b[i][k].as_f64()
+                let area = unit_area * surfels[i].area.as_f64();
+                let [a, b] = [a, b].map(|rows| units[k] * rows[i][k].as_f64());
+                if rho > 0.0 { area * (a / rho) * b } else { 0.0 }
             };
             (0..a.len()).map(term).sum()
         })
     };
 
-    let mut watch = Watch::new(stop, progress);
+    let mut watch = Watch::of_estimates(stop, progress);
     let mut radiosity = emission.to_vec();
     let mut iterations = 0;
     loop {
@@ -54,7 +60,8 @@ pub fn conjugate_gradients<T: Real, const BANDS: usize, E: Into<Error>, R: Repor
         let irradiance = gather(&radiosity)?;
         let mut r = residuals(emission, reflectance, &irradiance, &radiosity);
         let residual = relative_residual(&r, emission);
-        if watch.is_done(iterations, residual)? {
+        let floor = || floor(emission, reflectance, &radiosity, &irradiance, &mut gather);
+        if watch.is_done(iterations, residual, floor)? {
             let interrupted = residual > stop.tolerance;
             return Ok(Solution { radiosity, irradiance, iterations, residual, interrupted });
         }

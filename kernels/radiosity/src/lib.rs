@@ -45,6 +45,8 @@ mod operator;
 mod packet;
 mod patch;
 mod quadrature;
+mod residual;
+mod rounding;
 mod sampling;
 mod scene;
 mod shaft;

@@ -5,9 +5,9 @@
 
 #![expect(clippy::needless_range_loop, reason = "closures of iterators may not be inlined")]
 
-use farfield::{Columns, Real, Vector};
+use farfield::{Columns, Real, Vector, dispatch};
 use farfield_potentials::registers::Registers;
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
 
 use crate::surfel::Surfel;
 
@@ -44,7 +44,7 @@ const SINGLE: f64 = 1e-6;
 impl<T: Real, C: Columns<T>> Block<'_, T, C> {
     /// Adds the block with the best instructions that the machine has.
     pub(crate) fn run(self) {
-        Arch::new().dispatch(self)
+        dispatch(self)
     }
 
     /// The columns from `first` on.

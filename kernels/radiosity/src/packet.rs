@@ -8,9 +8,9 @@
 
 #![expect(clippy::needless_range_loop, reason = "closures of iterators may not be inlined")]
 
-use farfield::{Real, Vector};
+use farfield::{Real, Vector, dispatch};
 use glam::DVec3;
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
 
 use crate::bvh::{MAX_DEPTH, Occluders, SmallNode};
 use crate::facet::{Facet, ordered};
@@ -38,7 +38,7 @@ pub(crate) struct AllPairs<'a, T: Real> {
 impl<T: Real> AllPairs<'_, T> {
     /// Asks for all pairs with the best instructions that the machine has.
     pub(crate) fn run(self) {
-        Arch::new().dispatch(self)
+        dispatch(self)
     }
 }
 
@@ -84,7 +84,7 @@ pub(crate) struct SomePairs<'a, 'b, T: Real> {
 impl<T: Real> SomePairs<'_, '_, T> {
     /// Which of them are unhidden, a bit each.
     pub(crate) fn run(self) -> u16 {
-        Arch::new().dispatch(self)
+        dispatch(self)
     }
 }
 

@@ -5,8 +5,10 @@
 use farfield::Real;
 
 use crate::error::Error;
+use crate::residual::{add, checked, power_of_two_under, relative_residual, residuals, units};
+use crate::rounding::{floor, floor_of_numbers};
 use crate::surfel::{Surfel, check_emission, check_reflectance};
-use crate::watch::{Report, Watch, add, checked, relative_residual, residuals};
+use crate::watch::{Report, Watch};
 
 /// When a solver stops.
 ///
@@ -71,7 +73,8 @@ pub fn jacobi<T: Real, const BANDS: usize, E: Into<Error>, R: Report>(
         let irradiance = gather(&radiosity)?;
         let residuals = residuals(emission, reflectance, &irradiance, &radiosity);
         let residual = relative_residual(&residuals, emission);
-        if watch.is_done(iterations, residual)? {
+        let floor = || floor(emission, reflectance, &radiosity, &irradiance, &mut gather);
+        if watch.is_done(iterations, residual, floor)? {
             let interrupted = residual > stop.tolerance;
             return Ok(Solution { radiosity, irradiance, iterations, residual, interrupted });
         }
@@ -102,7 +105,9 @@ pub fn southwell<T: Real, const BANDS: usize, E: Into<Error>, R: Report>(
 ) -> Result<Solution<T, BANDS>, Error> {
     check(emission, reflectance)?;
     check_length("emission", emission.len(), surfels.len())?;
-    let mut watch = Watch::new(stop, progress);
+    let mut watch = Watch::of_steps(stop, progress, surfels.len());
+    let units = units(emission);
+    let unit_area = power_of_two_under(surfels.iter().map(|surfel| surfel.area.as_f64()));
     let mut unshot = emission.to_vec();
     let mut radiosity = vec![[T::from_f64(0.0); BANDS]; surfels.len()];
     let mut irradiance = radiosity.clone();
@@ -110,8 +115,8 @@ pub fn southwell<T: Real, const BANDS: usize, E: Into<Error>, R: Report>(
     loop {
         iterations += 1;
         let power = |i: &usize| {
-            let r: f64 = unshot[*i].iter().map(|r| r.as_f64().abs()).sum();
-            r * surfels[*i].area.as_f64()
+            let light = unshot[*i].iter().zip(&units).map(|(r, unit)| (unit * r.as_f64()).abs());
+            light.sum::<f64>() * (unit_area * surfels[*i].area.as_f64())
         };
         // Of equal surfels the first, so that a run can be repeated.
         let brightest = (0..surfels.len()).rev().max_by(|i, j| power(i).total_cmp(&power(j)));
@@ -126,8 +131,15 @@ pub fn southwell<T: Real, const BANDS: usize, E: Into<Error>, R: Report>(
                 add(&mut unshot[j], &std::array::from_fn(|k| reflectance[j][k] * received[k]));
             }
         }
-        let residual = relative_residual(&unshot, emission);
-        if watch.is_done(iterations, residual)? {
+        let mut residual = relative_residual(&unshot, emission);
+        if residual <= stop.tolerance {
+            // What is unshot was rounded at every shot. What all of them together leave may be more.
+            unshot = residuals(emission, reflectance, &irradiance, &radiosity);
+            residual = relative_residual(&unshot, emission);
+            watch.correct(iterations, residual, floor_of_numbers(emission, &radiosity))?;
+        }
+        let floor = || Ok(floor_of_numbers(emission, &radiosity));
+        if watch.is_done(iterations, residual, floor)? {
             let interrupted = residual > stop.tolerance;
             return Ok(Solution { radiosity, irradiance, iterations, residual, interrupted });
         }
@@ -206,6 +218,8 @@ pub(crate) fn check_length(what: &'static str, found: usize, expected: usize) ->
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::operator::mixed;
+    use crate::watch::{DOUBT, PLATEAU};
     use crate::{bicgstab, conjugate_gradients};
     use approx::assert_relative_eq;
     use farfield::relative_l2_error;
@@ -293,9 +307,8 @@ mod tests {
     #[test]
     fn interrupted_solvers_return_what_they_have_and_its_residual() {
         for last in 1..4 {
-            let ends = |iteration, _| match iteration < last {
-                true => ControlFlow::Continue(()),
-                false => ControlFlow::Break(()),
+            let ends = |iteration, _| {
+                if iteration < last { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
             };
             let surfels = surfels();
             let solved = [
@@ -341,6 +354,117 @@ mod tests {
         let error =
             southwell(surfels, &[[1.0]], &[[0.9]], Stop::default(), column, |_, _| ()).unwrap_err();
         assert!(matches!(error, Error::Diverged { residual, .. } if residual > 1.0), "{error}");
+    }
+
+    /// What all solvers make of an equation whose sums have a relative error that changes at random.
+    fn noisy(noise: f64, stop: Stop) -> [Result<Solution<f64, 2>, Error>; 4] {
+        let mut calls = 0;
+        let mut error = || {
+            calls += 1;
+            1.0 + noise * (mixed(calls) as f64 / u64::MAX as f64 - 0.5)
+        };
+        let mut h = |b: &[[f64; 2]]| {
+            let h = gather(b)?;
+            Ok::<_, Infallible>(h.iter().map(|h| h.map(|h| h * error())).collect())
+        };
+        let surfels = surfels();
+        [
+            jacobi(&E, &RHO, stop, &mut h, |_, _| ()),
+            conjugate_gradients(&surfels, &E, &RHO, stop, &mut h, |_, _| ()),
+            bicgstab(&E, &RHO, stop, &mut h, |_, _| ()),
+            // The rounding of single precision, of which everything here is made.
+            southwell(
+                &surfels.iter().map(Surfel::cast::<f32>).collect::<Vec<_>>(),
+                &E.map(|row| row.map(|e| e as f32)),
+                &RHO.map(|row| row.map(|rho| rho as f32)),
+                stop,
+                |i| column(i).map(|f| f.iter().map(|&f| f as f32).collect()),
+                |_, _| (),
+            )
+            .map(|solution| Solution {
+                radiosity: solution.radiosity.iter().map(|b| b.map(f64::from)).collect(),
+                irradiance: solution.irradiance.iter().map(|h| h.map(f64::from)).collect(),
+                iterations: solution.iterations,
+                residual: solution.residual,
+                interrupted: solution.interrupted,
+            }),
+        ]
+    }
+
+    #[test]
+    fn tolerances_beyond_rounding_are_refused_at_once_with_what_can_be_asked_for() {
+        for (solver, result) in noisy(1e-7, TIGHT).into_iter().enumerate() {
+            let error = result.unwrap_err();
+            let Error::Stagnated { iterations, residual, tolerance, floor } = error else {
+                panic!("{solver}: {error}")
+            };
+            assert!(iterations < 100, "{solver}: {iterations}");
+            assert_eq!(tolerance, TIGHT.tolerance);
+            assert!(tolerance < residual && residual <= floor, "{solver}: {residual:e} {floor:e}");
+            assert!((1e-8..1e-5).contains(&floor), "{solver}: {floor:e}");
+            // What it offers can be had.
+            let stop = Stop { tolerance: floor, ..TIGHT };
+            let solution = noisy(1e-7, stop).into_iter().nth(solver).unwrap().unwrap();
+            assert!(relative_l2_error(&solution.radiosity, &exact()) < 100.0 * floor, "{solver}");
+        }
+    }
+
+    #[test]
+    fn an_equation_that_neither_gains_nor_loses_light_ends_on_its_plateau() {
+        let swap = |b: &[[f64; 1]]| Ok::<_, Infallible>(vec![[2.0 * b[1][0]], [2.0 * b[0][0]]]);
+        let (emission, reflectance) = ([[1.0], [1.0]], [[0.5], [0.5]]);
+        let gathered = jacobi(&emission, &reflectance, TIGHT, swap, |_, _| ()).unwrap_err();
+        let column = |i: usize| Ok::<_, Infallible>([vec![0.0, 2.0], vec![2.0, 0.0]][i].clone());
+        let surfels = &surfels()[..1].repeat(2);
+        let shot =
+            southwell(surfels, &emission, &reflectance, TIGHT, column, |_, _| ()).unwrap_err();
+        for (error, most) in [(gathered, PLATEAU + 1), (shot, 2 * PLATEAU + 2)] {
+            let Error::Stagnated { iterations, residual, floor, .. } = error else {
+                panic!("{error}")
+            };
+            assert!(iterations <= most && residual >= 1.0 && floor < 1e-10, "{error}");
+        }
+    }
+
+    #[test]
+    fn a_residual_that_rises_before_it_falls_is_waited_for() {
+        // Light goes along a row of surfels, brighter from each to the next, and is absorbed by the last.
+        let n = 4 * DOUBT;
+        let pass = |b: &[[f64; 1]]| {
+            let from = |i: usize| if i > 0 { 1.1 * b[i - 1][0] / 0.9 } else { 0.0 };
+            Ok::<_, Infallible>((0..n).map(|i| [from(i)]).collect())
+        };
+        let mut emission = vec![[0.0]; n];
+        emission[0] = [1.0];
+        let solution = jacobi(&emission, &vec![[0.9]; n], TIGHT, pass, |_, _| ()).unwrap();
+        assert_eq!((solution.iterations, solution.residual), (n, 0.0));
+    }
+
+    #[test]
+    fn light_of_any_brightness_is_solved_alike() {
+        let surfels = surfels();
+        let solve = |unit: f64, stop: Stop| {
+            let emission = E.map(|row| row.map(|e| unit * e));
+            [
+                jacobi(&emission, &RHO, stop, gather, |_, _| ()),
+                southwell(&surfels, &emission, &RHO, stop, column, |_, _| ()),
+                conjugate_gradients(&surfels, &emission, &RHO, stop, gather, |_, _| ()),
+                bicgstab(&emission, &RHO, stop, gather, |_, _| ()),
+            ]
+            .map(Result::unwrap)
+        };
+        let exact = exact();
+        let units = [-980, -600, -540, 500, 600, 1000].map(|power| 2f64.powi(power));
+        for unit in units {
+            for (solver, (found, plain)) in
+                solve(unit, TIGHT).iter().zip(solve(1.0, TIGHT)).enumerate()
+            {
+                assert_eq!(found.iterations, plain.iterations, "{solver}: {unit:e}");
+                assert_relative_eq!(found.residual, plain.residual, max_relative = 1e-6);
+                let scaled: Vec<_> = found.radiosity.iter().map(|b| b.map(|b| b / unit)).collect();
+                assert!(relative_l2_error(&scaled, &exact) < 1e-12, "{solver}: {unit:e}");
+            }
+        }
     }
 
     #[test]
