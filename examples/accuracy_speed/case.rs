@@ -8,16 +8,17 @@ use farfield_potentials::{
     Exponent, HarmonicExpansion, MinusFour, MinusOne, PlusTwo, PowerLaw, squared_distance_sum,
 };
 use farfield_radiosity::{Irradiance, SixteenMoment};
+use farfield_testing::clouds::half_width;
+use farfield_testing::formulas::{
+    anisotropic, anisotropic_gaussian, cube, gaussian, helmholtz, inverse_quadratic, log, matern,
+    multiquadric, r_log_r, yukawa,
+};
+use farfield_testing::stokeslet::Stokeslet;
 use glam::DVec3;
 
 use crate::cli::Precision;
-use crate::formulas::{anisotropic, cube, gaussian, half_width, helmholtz, log, yukawa};
-use crate::more_formulas::{
-    anisotropic_gaussian, inverse_quadratic, matern, multiquadric, r_log_r,
-};
 use crate::placed::Placed;
 use crate::problem::{Measured, Problem};
-use crate::stokeslet::Stokeslet;
 
 /// A kernel; r = |x − y|, and h is half the longest side of the cloud's bounding box.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

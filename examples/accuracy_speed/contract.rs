@@ -3,6 +3,7 @@
 use std::error::Error;
 use std::fmt::Write as _;
 
+use farfield_testing::clouds::half_width;
 use glam::DVec3;
 
 use crate::args::Args;
@@ -10,7 +11,6 @@ use crate::case::{KernelName, Way, methods};
 use crate::chart::{Chart, Panel, Series};
 use crate::cli::{Precision, name};
 use crate::clouds::{self, Cloud};
-use crate::formulas::half_width;
 use crate::output::Output;
 use crate::problem::misses;
 

@@ -24,9 +24,6 @@ mod cli;
 mod clouds;
 mod contract;
 mod far_field;
-#[path = "../scaling/formulas.rs"]
-mod formulas;
-mod more_formulas;
 mod output;
 mod placed;
 mod problem;
@@ -36,7 +33,6 @@ mod rivals;
 mod speed;
 mod speed_chart;
 mod speed_row;
-mod stokeslet;
 mod terms;
 
 use std::error::Error;

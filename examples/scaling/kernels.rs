@@ -2,11 +2,11 @@
 
 use farfield::{Point, PointKernel, Real};
 use farfield_potentials::{InverseDistance, InverseFourth, PotentialGradient};
+use farfield_testing::formulas::{anisotropic, cube, gaussian, helmholtz, log, yukawa};
 use num_complex::Complex;
 
 use crate::args::KernelName;
 use crate::cli::Precision;
-use crate::formulas::{anisotropic, cube, gaussian, helmholtz, log, yukawa};
 
 /// A kernel between bare points whose charges and values a measurement can read.
 pub(crate) trait Summed<T: Real>:

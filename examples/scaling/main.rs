@@ -14,7 +14,6 @@ mod args;
 mod chart;
 mod cli;
 mod clouds;
-mod formulas;
 mod kernels;
 mod limits;
 mod measure;
@@ -27,11 +26,11 @@ use std::fs;
 use std::process::ExitCode;
 
 use clap::Parser;
+use farfield_testing::clouds::half_width;
 use glam::DVec3;
 
 use args::{Args, KernelName};
 use cli::{Precision, name};
-use formulas::half_width;
 use kernels::with_kernel;
 use limits::Limits;
 use measure::{Measurement, pool, rounded};

@@ -1,8 +1,7 @@
 //! Clouds of very different shapes, in units of a length of 1.
 
+use farfield_testing::clouds::{Random, cube, line, plummer, sphere};
 use glam::DVec3;
-
-use crate::random::{self, Random};
 
 /// Points per cloud.
 pub(crate) const POINTS: usize = 2000;
@@ -10,10 +9,10 @@ pub(crate) const POINTS: usize = 2000;
 /// All clouds by name, each in the cube [−1, 1]³.
 pub(crate) fn all() -> Vec<(&'static str, Vec<DVec3>)> {
     vec![
-        ("cube", fitted(random::cube(POINTS, 1))),
-        ("sphere", fitted(random::sphere(POINTS, 2))),
-        ("Plummer", fitted(random::plummer(POINTS, 3))),
-        ("line", fitted(random::line(POINTS, 4))),
+        ("cube", fitted(cube(POINTS, 1))),
+        ("sphere", fitted(sphere(POINTS, 2))),
+        ("Plummer", fitted(plummer(POINTS, 3))),
+        ("line", fitted(line(POINTS, 4))),
         ("clusters", fitted(clusters(5))),
         ("plane", fitted(plane(6))),
         ("helix", fitted(helix(7))),

@@ -33,8 +33,12 @@ pub(crate) const REALS: [(&str, Formula<DVec3, f64>); 14] = [
     }),
 ];
 
+/// Waves of one and of eight periods across the cube [−1, 1]³. As function pointers, both are one type.
+pub(crate) const LONG_WAVE: Formula<DVec3, Complex<f64>> = |x, y| wave(3.0, x, y);
+pub(crate) const SHORT_WAVE: Formula<DVec3, Complex<f64>> = |x, y| wave(25.0, x, y);
+
 /// exp(ikr)/r
-pub(crate) fn wave(k: f64, x: DVec3, y: DVec3) -> Complex<f64> {
+fn wave(k: f64, x: DVec3, y: DVec3) -> Complex<f64> {
     let r = x.distance(y);
     Complex::cis(k * r) / r
 }

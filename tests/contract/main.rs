@@ -4,21 +4,17 @@
 
 mod clouds;
 mod kernels;
-#[path = "../suite/clouds.rs"]
-#[allow(dead_code, reason = "the suite uses all of it")]
-mod random;
-#[path = "../../examples/accuracy_speed/stokeslet.rs"]
-mod stokeslet;
 
 use std::env;
 
 use farfield::{Error, Fmm, Point, PointKernel, Real, direct, from_fn, relative_l2_error};
+use farfield_testing::clouds::charges;
+use farfield_testing::stokeslet::Stokeslet;
 use glam::{DVec3, Vec3};
 use num_complex::Complex;
 
 use clouds::POINTS;
-use kernels::{Formula, REALS, SINGLES, wave};
-use stokeslet::Stokeslet;
+use kernels::{Formula, LONG_WAVE, REALS, SHORT_WAVE, SINGLES};
 
 /// Where the charges come from; printed with what fails.
 const SEED: u64 = 11;
@@ -136,14 +132,14 @@ fn reals(
     points: &[DVec3],
     tolerances: &[f64],
 ) -> Vec<Case> {
-    let (kernel, charges) = (from_fn(formula).skip_coincident(), random::charges(POINTS, SEED));
+    let (kernel, charges) = (from_fn(formula).skip_coincident(), charges(POINTS, SEED));
     let exact = direct(&kernel, points, &charges, points).iter().map(real).collect();
     Problem { name, kernel, cloud, points, charges: &charges, exact }.cases(tolerances, real)
 }
 
 #[test]
 fn waves() {
-    let kernel = from_fn(|x, y| wave(3.0, x, y)).skip_coincident();
+    let kernel = from_fn(LONG_WAVE).skip_coincident();
     let charges = complex_charges();
     let mut all = Vec::new();
     for (c, (cloud, points)) in clouds::all().iter().enumerate() {
@@ -156,7 +152,7 @@ fn waves() {
 
 #[test]
 fn tensors() {
-    let numbers = random::charges(POINTS, SEED);
+    let numbers = charges(POINTS, SEED);
     let force = |i: usize| [0, 700, 1400].map(|shift| numbers[(i + shift) % POINTS]);
     let charges: Vec<[f64; 3]> = (0..POINTS).map(force).collect();
     let mut all = Vec::new();
@@ -171,7 +167,7 @@ fn tensors() {
 
 #[test]
 fn single_precision() {
-    let doubles = random::charges(POINTS, SEED);
+    let doubles = charges(POINTS, SEED);
     let charges: Vec<f32> = doubles.iter().map(|&q| q as f32).collect();
     let doubles: Vec<f64> = charges.iter().copied().map(f64::from).collect();
     let (few, many) = ([1e-2, 1e-4, 1e-5], [1e-2, 1e-3, 1e-4, 1e-5, 1e-6]);
@@ -208,7 +204,7 @@ fn out_of_reach() {
     refused(reals("side", side, cloud, &points, &[1e-6]));
 
     // Eight wavelengths across the cube.
-    let kernel = from_fn(|x, y| wave(25.0, x, y)).skip_coincident();
+    let kernel = from_fn(SHORT_WAVE).skip_coincident();
     let charges = complex_charges();
     let exact = direct(&kernel, &points, &charges, &points).iter().map(complex).collect();
     let (name, points) = ("short wave", &points[..]);
@@ -227,7 +223,7 @@ fn out_of_reach() {
 }
 
 fn complex_charges() -> Vec<Complex<f64>> {
-    random::charges(POINTS, SEED).iter().map(|&q| Complex::new(q, -0.5 * q)).collect()
+    charges(POINTS, SEED).iter().map(|&q| Complex::new(q, -0.5 * q)).collect()
 }
 
 fn real(u: &f64) -> [f64; 3] {

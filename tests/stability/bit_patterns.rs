@@ -11,9 +11,9 @@ use farfield::{
     Error, Expansion, Fmm, Kernel, MAX_LEVEL, Point, PointSet, Real, Scheme, Vector, direct,
 };
 use farfield_potentials::{HarmonicExpansion, InverseDistance};
+use farfield_testing::clouds::Random;
 use glam::{DVec3, Vec3};
 
-use crate::clouds::Random;
 use crate::plain;
 use crate::table::row;
 
@@ -123,27 +123,28 @@ fn attempt(seed: u64) -> usize {
 /// A coordinate: any bits at all if `wild`, else finite ones whose exponents and leading digits agree
 /// with `near` more or less.
 fn coordinate(single: bool, wild: bool, near: u64, bits: &mut impl FnMut() -> u64) -> f64 {
+    let number = |double: u64, narrow: u32| {
+        if single { f32::from_bits(narrow).into() } else { f64::from_bits(double) }
+    };
     let any = bits();
     let choice = bits() % 16;
     if wild && choice < 4 {
         let any = if choice == 0 { any | 0x7ff0_0000_7f80_0000 } else { any };
-        return match single {
-            true => f32::from_bits(any as u32).into(),
-            false => f64::from_bits(any),
-        };
+        return number(any, any as u32);
     }
     let kept = [12, 20, 30, 45, 60][(choice % 5) as usize];
     let low = u64::MAX >> kept;
     let pattern = (near & !low) | (any & low);
-    let value = match (single, choice) {
-        (_, 14) => 0.0,
-        (_, 15) => -0.0,
-        (true, 13) => f32::from_bits(any as u32 & 0x007f_ffff).into(),
-        (false, 13) => f64::from_bits(any & 0x000f_ffff_ffff_ffff),
-        (true, 12) => f32::from_bits((any as u32 & 0x80ff_ffff) | 0x4000_0000).into(),
-        (false, 12) => f64::from_bits((any & 0x801f_ffff_ffff_ffff) | 0x4000_0000_0000_0000),
-        (true, _) => f32::from_bits((pattern >> 32) as u32).into(),
-        (false, _) => f64::from_bits(pattern),
+    let value = match choice {
+        14 => 0.0,
+        15 => -0.0,
+        // The smallest numbers, and those of one exponent.
+        13 => number(any & 0x000f_ffff_ffff_ffff, any as u32 & 0x007f_ffff),
+        12 => number(
+            (any & 0x801f_ffff_ffff_ffff) | 0x4000_0000_0000_0000,
+            (any as u32 & 0x80ff_ffff) | 0x4000_0000,
+        ),
+        _ => number(pattern, (pattern >> 32) as u32),
     };
     if wild || value.is_finite() { value } else { 1.0 }
 }

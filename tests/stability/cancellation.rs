@@ -9,9 +9,9 @@ use farfield_potentials::{
     HarmonicExpansion, InverseDistance, SquaredDistance, squared_distance_sum,
 };
 use farfield_radiosity::{Irradiance, SixteenMoment, Surfel};
+use farfield_testing::clouds::{self, Random, charges};
 use glam::DVec3;
 
-use crate::clouds::{self, Random, charges};
 use crate::table::row;
 use crate::{Formula, build, error, plain};
 

@@ -6,9 +6,9 @@ use farfield::{
 };
 use farfield_potentials::harmonic::{Harmonic, MAX_ORDER, Scratch};
 use farfield_potentials::{HarmonicExpansion, InverseDistance};
+use farfield_testing::clouds::{Random, charges};
 use glam::DVec3;
 
-use crate::clouds::{Random, charges};
 use crate::table::row;
 
 /// Two cells of half-width `scale` with a child each, between which expansions are shifted.

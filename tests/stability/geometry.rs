@@ -4,9 +4,9 @@
 use farfield::conformance::Counting;
 use farfield::{Error, Fmm, MAX_LEVEL, Stats, direct, relative_l2_error};
 use farfield_potentials::{HarmonicExpansion, InverseDistance};
+use farfield_testing::clouds::{self, Random, charges};
 use glam::DVec3;
 
-use crate::clouds::{self, Random, charges};
 use crate::table::row;
 
 /// What every plan keeps to, per point of either set: one cell on every level, a few lists each.

@@ -1,9 +1,9 @@
 //! Interpolation at high order, close to its cut-offs, and in single precision.
 
 use farfield::{Error, Fmm, direct, from_fn, relative_l2_error};
+use farfield_testing::clouds::{self, Random, charges};
 use glam::{DVec3, Vec3};
 
-use crate::clouds::{self, Random, charges};
 use crate::table::row;
 use crate::{Formula, build, error, plain};
 

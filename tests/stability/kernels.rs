@@ -2,10 +2,10 @@
 
 use farfield::{Cell, Error, Expansion, Fmm, Kernel, Located, direct, from_fn, relative_l2_error};
 use farfield_potentials::harmonic::{Harmonic, Scratch};
+use farfield_testing::clouds::{self, Random, charges};
 use glam::DVec3;
 use num_complex::Complex;
 
-use crate::clouds::{self, Random, charges};
 use crate::table::row;
 use crate::{Formula, build, error, plain};
 
@@ -113,10 +113,7 @@ impl Kernel for Others {
     type Value = f64;
 
     fn add(&self, x: &Numbered, y: &Numbered, q: &f64, u: &mut f64) {
-        let own = match self.by_number {
-            true => x.number == y.number,
-            false => x.position == y.position,
-        };
+        let own = if self.by_number { x.number == y.number } else { x.position == y.position };
         *u += if own { 0.0 } else { *q };
     }
 }

@@ -7,9 +7,6 @@
 //! cargo test --test stability -- --nocapture | grep '^|' | sort
 //! ```
 
-#[path = "../suite/clouds.rs"]
-mod clouds;
-
 mod bit_patterns;
 mod cancellation;
 mod damage;

@@ -5,11 +5,11 @@
 
 use farfield::{Fmm, direct, relative_l2_error};
 use farfield_potentials::{HarmonicExpansion, InverseDistance};
+use farfield_testing::clouds::Random;
 use glam::{DQuat, DVec3};
 use proptest::prelude::*;
 use proptest::test_runner::{FileFailurePersistence, TestError, TestRunner};
 
-use crate::clouds::Random;
 use crate::table::row;
 use crate::{Formula, plain};
 

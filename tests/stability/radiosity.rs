@@ -6,9 +6,9 @@ use farfield_radiosity::{
     Error, Irradiance, Occluders, Patch, Scene, Stop, Surfel, Triangle, conjugate_gradients,
     furnace, jacobi, quad_triangles,
 };
+use farfield_testing::clouds::Random;
 use glam::{DQuat, DVec3};
 
-use crate::clouds::Random;
 use crate::table::row;
 
 fn patch(corners: [[f64; 3]; 4]) -> Patch {

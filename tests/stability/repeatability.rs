@@ -7,10 +7,10 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 use farfield::{Fmm, from_fn};
 use farfield_potentials::{HarmonicExpansion, InverseDistance};
+use farfield_testing::clouds::{self, charges};
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::clouds::{self, charges};
 use crate::table::row;
 use crate::{Formula, build, plain};
 

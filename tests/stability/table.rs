@@ -10,7 +10,7 @@ pub(crate) fn row(mode: &str, why: &str, naive: impl Display, ours: impl Display
     let cells = [mode, why, &naive.to_string(), &ours.to_string()];
     let cells = cells.map(|cell| cell.replace('|', "\\|")).join(" | ");
     println!("| {cells} | `{test}` |");
-    let page = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/STABILITY.md"));
+    let page = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../STABILITY.md"));
     let named = page.unwrap().contains(&format!("`{test}`"));
     assert!(named, "STABILITY.md has no row of {test}");
 }

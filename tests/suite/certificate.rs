@@ -1,12 +1,12 @@
 //! The certificate of an application against the error that it speaks of.
 
 use farfield::{
-    CellView, Certificate, Coverage, Error, Fmm, Kernel, Mask, Sampling, Scheme, direct,
+    CellView, Certificate, Coverage, Error, Fmm, Kernel, Located, Mask, Sampling, Scheme, direct,
     direct_masked, from_fn, relative_l2_error,
 };
+use farfield_testing::clouds::{self, Random};
 use glam::{DVec3, Vec3};
 
-use crate::clouds::{self, Random};
 use crate::{plain, single};
 
 /// Charges of the kinds that sums are made of: of either sign, of one, or few and large.
@@ -101,8 +101,14 @@ fn more_targets_are_drawn_until_the_bound_is_tight() {
 struct SameSide;
 
 impl SameSide {
-    fn above<P: farfield::Located<Real = f64>>(points: &[P]) -> usize {
-        points.iter().filter(|p| p.position().z > 0.5).count()
+    fn above(point: &impl Located<Real = f64>) -> bool {
+        point.position().z > 0.5
+    }
+
+    /// Whether all points are above the plane; none if they lie on both sides of it.
+    fn side(points: &[impl Located<Real = f64>]) -> Option<bool> {
+        let above = Self::above(&points[0]);
+        points.iter().all(|p| Self::above(p) == above).then_some(above)
     }
 }
 
@@ -112,16 +118,15 @@ impl<K: Kernel<Real = f64>> Mask<K> for SameSide {
         targets: CellView<'_, K::Target>,
         sources: CellView<'_, K::Source>,
     ) -> Coverage {
-        let (x, y) = (Self::above(targets.points), Self::above(sources.points));
-        match (x == targets.points.len(), x == 0, y == sources.points.len(), y == 0) {
-            (true, _, true, _) | (_, true, _, true) => Coverage::Full,
-            (true, _, _, true) | (_, true, true, _) => Coverage::Empty,
+        match (Self::side(targets.points), Self::side(sources.points)) {
+            (Some(x), Some(y)) if x == y => Coverage::Full,
+            (Some(_), Some(_)) => Coverage::Empty,
             _ => Coverage::Partial,
         }
     }
 
     fn pair(&self, x: &K::Target, y: &K::Source) -> bool {
-        Self::above(std::slice::from_ref(x)) == Self::above(std::slice::from_ref(y))
+        Self::above(x) == Self::above(y)
     }
 }
 

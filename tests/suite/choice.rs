@@ -4,15 +4,14 @@ use std::thread::sleep;
 use std::time::Duration;
 
 use farfield::conformance::Counting;
-use farfield::{
-    Cell, Expansion, Fmm, FnKernel, Scheme, Unmasked, direct, from_fn, relative_l2_error,
-};
+use farfield::{Cell, Expansion, Fmm, FnKernel, Scheme, Unmasked, direct, relative_l2_error};
+use farfield_testing::clouds;
 use glam::DVec3;
 
-use crate::clouds;
+use crate::{Formula, plain};
 
-fn inverse() -> FnKernel<impl Fn(DVec3, DVec3) -> f64 + Copy + Send + Sync, DVec3, f64> {
-    from_fn(|x: DVec3, y: DVec3| 1.0 / x.distance(y)).skip_coincident()
+fn inverse() -> FnKernel<Formula<DVec3, f64>, DVec3, f64> {
+    plain(|x, y| 1.0 / x.distance(y)).skip_coincident()
 }
 
 #[test]

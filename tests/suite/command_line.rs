@@ -7,13 +7,12 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use farfield::relative_l2_error;
+use farfield_testing::clouds::Random;
 use glam::{DVec3, Vec3Swizzles};
 use ndarray::{Array1, Array2};
 use ndarray_npy::{read_npy, write_npy};
 use serde_json::Value;
 use tempfile::TempDir;
-
-use crate::clouds::Random;
 
 const KERNELS: [(&str, f64); 4] = [
     ("inverse-distance", -1.0),

@@ -4,11 +4,11 @@ use farfield::conformance::{Counting, RankOne};
 use farfield::{
     Error, Fmm, Interpolation, PointSet, Scheme, Stats, direct, from_fn, relative_l2_error,
 };
+use farfield_testing::clouds::{self, Random};
 use glam::{DVec3, Vec3};
 use num_complex::Complex;
 
-use crate::clouds::{self, Random};
-use crate::{plain, single};
+use crate::{Formula, plain, single};
 
 pub(crate) const SCHEMES: [Scheme; 4] =
     [Scheme::Direct, Scheme::Treecode { m2m: false }, Scheme::Treecode { m2m: true }, Scheme::Fmm];
@@ -175,11 +175,11 @@ fn complex_kernels_and_many_columns() {
     let mut random = Random::new(2);
     let charges: Vec<Complex<f64>> =
         (0..1500).map(|_| Complex::new(random.unit() - 0.5, random.unit())).collect();
-    let wave = from_fn(|x: DVec3, y: DVec3| {
+    let wave: Formula<DVec3, Complex<f64>> = |x, y| {
         let r = x.distance(y);
         Complex::cis(5.0 * r) / r
-    })
-    .skip_coincident();
+    };
+    let wave = from_fn(wave).skip_coincident();
     let fmm = Fmm::builder(wave).tolerance(1e-6).leaf_size(30).build(&points, &points).unwrap();
     let exact = direct(&wave, &points, &charges, &points);
     let error = relative_l2_error(&fmm.apply(&charges).unwrap(), &exact);

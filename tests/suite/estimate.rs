@@ -1,13 +1,14 @@
 //! What plans are said to cost against what they do.
 
 use farfield::conformance::Counting;
-use farfield::{CellView, Coverage, Error, Fmm, FnKernel, Kernel, Mask, Scheme, from_fn};
+use farfield::{CellView, Coverage, Error, Fmm, FnKernel, Kernel, Mask, Scheme};
+use farfield_testing::clouds;
 use glam::DVec3;
 
-use crate::clouds;
+use crate::{Formula, plain};
 
-fn inverse() -> FnKernel<impl Fn(DVec3, DVec3) -> f64 + Copy + Send + Sync, DVec3, f64> {
-    from_fn(|x: DVec3, y: DVec3| 1.0 / x.distance(y)).skip_coincident()
+fn inverse() -> FnKernel<Formula<DVec3, f64>, DVec3, f64> {
+    plain(|x, y| 1.0 / x.distance(y)).skip_coincident()
 }
 
 /// Asserts that a number foretold is right within a factor.

@@ -5,9 +5,9 @@ use farfield::{
     Cell, CellView, Coverage, Expansion, Fmm, Kernel, Linear, Located, Mask, Point, PointKernel,
     Scheme, direct, direct_masked, relative_l2_error,
 };
+use farfield_testing::clouds::{self, Random};
 use glam::DVec3;
 
-use crate::clouds::{self, Random};
 use crate::plain;
 
 /// A source with a direction.

@@ -2,10 +2,10 @@
 
 use farfield::{Columns, Fmm, Linear, Scalar, direct, from_fn, relative_l2_error};
 use farfield_radiosity::{Irradiance, Surfel};
+use farfield_testing::clouds::{Random, cube, plummer, sphere};
 use glam::{DVec3, Vec3};
 use num_complex::Complex;
 
-use crate::clouds::{Random, cube, plummer, sphere};
 use crate::{plain, single};
 
 const POINTS: usize = 4000;

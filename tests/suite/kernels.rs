@@ -9,9 +9,8 @@ use farfield_potentials::{
     Exponent, HarmonicExpansion, InverseDistance, InverseFourth, InverseSquare, MinusFour,
     MinusOne, MinusTwo, PlusTwo, PowerLaw, SquaredDistance,
 };
+use farfield_testing::clouds;
 use glam::DVec3;
-
-use crate::clouds;
 
 /// Relative l2 error of a sum over `points`, and whether expansions carried part of it.
 fn error<E>(

@@ -5,10 +5,10 @@ use farfield::{
     Cell, CellView, Coverage, Error, Expansion, Fmm, Geometry, Located, Mask, Outcome, Scheme,
     Stats, direct_masked,
 };
+use farfield_testing::clouds::{self, Random};
 use glam::DVec3;
 use proptest::prelude::*;
 
-use crate::clouds::{self, Random};
 use crate::engine::SCHEMES;
 
 /// Pairs on the same side of a plane count; how eagerly whole cells are certified varies.

@@ -2,7 +2,6 @@
 
 mod certificate;
 mod choice;
-mod clouds;
 mod command_line;
 mod engine;
 mod estimate;

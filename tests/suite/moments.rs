@@ -6,9 +6,9 @@ use farfield::{
     relative_l2_error,
 };
 use farfield_radiosity::{Irradiance, Occluders, SixteenMoment, Surfel, Visibility};
+use farfield_testing::clouds::Random;
 use glam::DVec3;
 
-use crate::clouds::Random;
 use crate::radiosity::{bands, room_with_block};
 
 /// Sources per cell, each with a column of its own, so that errors of single pairs don't cancel.

@@ -5,7 +5,7 @@ use glam::DVec3;
 
 /// The slow flow that forces cause: K(x, y) = 1/r + d dᵀ/r³, d = x − y, a 3 × 3 matrix; 0 at r = 0.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Stokeslet;
+pub struct Stokeslet;
 
 impl Kernel for Stokeslet {
     type Real = f64;

@@ -1,0 +1,5 @@
+//! What the tests and the benchmarks share: point clouds, seeded random numbers and kernels.
+
+pub mod clouds;
+pub mod formulas;
+pub mod stokeslet;
