@@ -1,15 +1,15 @@
-//! The operators that the engine remembers from plan to plan.
+//! The operators that the engine keeps from plan to plan.
 
 use farfield::{Error, Fmm, from_fn};
 use glam::DVec3;
 
-/// Makes the engine forget the operators that it remembers, so that the next plan is a first one: plans
-/// for a constant kernel displace them.
+/// Makes the engine forget its operators, so that the next plan has to build them: plans for a constant
+/// kernel displace them.
 ///
 /// # Errors
 /// If one of those plans can't be made.
-pub(crate) fn forget_operators() -> Result<(), Error> {
-    /// More than the engine remembers.
+pub fn forget_operators() -> Result<(), Error> {
+    /// More sets of operators than the engine keeps.
     const PLANS: i32 = 32;
     let constant = from_fn(|_: DVec3, _: DVec3| 1.0);
     // Two of them share a corner of the tree, so that the third is well separated from their cells.

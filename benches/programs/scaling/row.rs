@@ -3,10 +3,10 @@
 use std::fmt::Write as _;
 
 use farfield::{ApplyTimes, BuildTimes};
+use farfield_benches::cli::{Precision, name};
+use farfield_benches::clouds::Cloud;
 
 use crate::args::KernelName;
-use crate::cli::{Precision, name};
-use crate::clouds::Cloud;
 
 /// What is measured: one set of points, one kernel, one accuracy, one number of threads.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -4,6 +4,7 @@ use std::rc::Rc;
 
 use clap::ValueEnum;
 use farfield::{Columns, Error, Interpolation, Kernel, Point, PointKernel, Real, Scheme};
+use farfield_benches::cli::Precision;
 use farfield_potentials::{
     Exponent, HarmonicExpansion, MinusFour, MinusOne, PlusTwo, PowerLaw, squared_distance_sum,
 };
@@ -16,7 +17,6 @@ use farfield_testing::formulas::{
 use farfield_testing::stokeslet::Stokeslet;
 use glam::DVec3;
 
-use crate::cli::Precision;
 use crate::placed::Placed;
 use crate::problem::{Measured, Problem};
 

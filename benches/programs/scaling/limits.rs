@@ -7,10 +7,10 @@ use faer::linalg::matmul::matmul;
 use faer::traits::ComplexField;
 use faer::{Accum, Mat, Par};
 use farfield::{Additive, Expansion, Interpolation, Point, Real, Vector};
+use farfield_benches::cli::Precision;
+use farfield_benches::clouds::{self, Cloud};
 
 use crate::args::KernelName;
-use crate::cli::Precision;
-use crate::clouds::{self, Cloud};
 use crate::kernels::{Charge, Summed, Visit, with_kernel};
 
 /// Limits of one thread.

@@ -1,7 +1,7 @@
-//! Rows that differ in the number of points alone: fitted exponents, and charts.
+//! Exponents fitted to rows that differ in the number of points alone.
 
-use crate::chart::{Chart, Panel, Series};
-use crate::cli::name;
+use farfield_benches::cli::name;
+
 use crate::row::{Outcome, Row, Setting};
 
 /// A time of a row, by its name.
@@ -24,40 +24,6 @@ pub(crate) fn exponents(rows: &[(Setting, Outcome)]) -> Vec<String> {
         Some(format!("{series:<44} {}", fits.join("  ")))
     };
     grouped(rows).into_iter().filter_map(line).collect()
-}
-
-/// A chart, by its file name, for each kernel, precision and number of threads.
-pub(crate) fn charts(rows: &[(Setting, Outcome)]) -> Vec<(String, String)> {
-    let mut left = grouped(rows);
-    let mut charts = Vec::new();
-    while let Some((first, _)) = left.first() {
-        let key = |s: &Setting| (s.kernel, s.precision, s.threads);
-        let (first, wanted) = (*first, key(first));
-        let (these, others): (Vec<_>, Vec<_>) =
-            left.into_iter().partition(|(s, _)| key(s) == wanted);
-        left = others;
-        let (kernel, precision) = (name(first.kernel), name(first.precision));
-        let mut tolerances: Vec<f64> = these.iter().map(|(s, _)| s.tolerance).collect();
-        tolerances.sort_by(f64::total_cmp);
-        tolerances.dedup();
-        let panel = |&(time, of): &Time| {
-            let series = these.iter().map(|(s, rows)| Series {
-                label: format!("{}, {:.0e}", name(s.cloud), s.tolerance),
-                colour: tolerances.iter().position(|&t| t == s.tolerance).unwrap_or(0),
-                dashes: s.cloud as usize,
-                width: 1.6,
-                dots: 2.5,
-                points: rows.iter().map(|(n, row)| (*n, of(row))).collect(),
-            });
-            Panel { title: time.into(), series: series.collect(), ..Panel::default() }
-        };
-        let panels = TIMES[..2].iter().map(panel).collect();
-        let title = format!("{kernel}, {precision}, threads: {}", first.threads);
-        let file = format!("{kernel}-{precision}-{}.svg", first.threads).replace('/', "-over-");
-        let (x, y) = ("points".into(), "seconds".into());
-        charts.push((file, Chart { title, x, y, panels, ..Chart::default() }.svg()));
-    }
-    charts
 }
 
 /// The rows with times, by all of the setting but the number of points, which ascends in each group.

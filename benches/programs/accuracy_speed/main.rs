@@ -1,4 +1,4 @@
-//! What accuracy costs, whether it is delivered, and how many terms it needs: charts, tables and files.
+//! Measures what accuracy costs, whether it is delivered, and how many terms it needs.
 //!
 //! ```text
 //! cargo run --release -p farfield-benches --example accuracy_speed -- --out benches/charts
@@ -7,31 +7,21 @@
 //! ```
 //!
 //! * `speed`: error against time per point, for kernels × expansions × precisions, with treecodes and
-//!   direct sums beside them, and rivals if `benches/peers/run.sh` has left its file.
+//!   direct sums beside them.
 //! * `contract`: the error asked for against the error delivered.
 //! * `terms`: the terms of a cell against its error, above the least that any method could need.
 //!
-//! Each writes a CSV file, a short table as text, and charts as SVG, and as PNG if `rsvg-convert` is
-//! installed. The exit code is 1 if a sum missed what was asked of it.
+//! Each writes a CSV file, which `benches/draw.py` turns into charts, and a short table as text. The exit
+//! code is 1 if a sum missed what was asked of it.
 
 mod args;
 mod case;
-#[path = "../scaling/chart.rs"]
-mod chart;
-#[path = "../scaling/cli.rs"]
-mod cli;
-#[path = "../scaling/clouds.rs"]
-mod clouds;
 mod contract;
 mod far_field;
 mod output;
 mod placed;
 mod problem;
-#[path = "../scaling/remembered.rs"]
-mod remembered;
-mod rivals;
 mod speed;
-mod speed_chart;
 mod speed_row;
 mod terms;
 
@@ -58,7 +48,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// Makes all charts; returns how many sums missed what was asked of them.
+/// Measures for all charts that were asked for; returns how many sums missed what was asked of them.
 fn run(args: &Args) -> Result<usize, Box<dyn Error>> {
     // Zero stands for one per core.
     ThreadPoolBuilder::new().num_threads(args.threads.unwrap_or(0)).build_global()?;
@@ -71,6 +61,6 @@ fn run(args: &Args) -> Result<usize, Box<dyn Error>> {
             ChartName::Terms => terms::run(&output)?,
         }
     }
-    output.close();
+    println!("\nfiles in {}; benches/draw.py makes the charts", args.out.display());
     Ok(missed)
 }

@@ -1,5 +1,5 @@
-//! How plans and applications scale with the number of points, and how near they come to what the
-//! machine can do.
+//! Measures how the times of plans and applications grow with the number of points, and how close they
+//! come to what the machine can do.
 //!
 //! ```text
 //! cargo run --release -p farfield-benches --example scaling
@@ -7,17 +7,14 @@
 //! cargo run --release -p farfield-benches --example scaling -- --kernels 1/r,yukawa,helmholtz,anisotropic
 //! ```
 //!
-//! The table goes to standard output, `scaling.csv` and a log–log chart for each kernel, precision and
-//! number of threads to `--out`. Points and charges are the same in every run.
+//! The table goes to standard output, and `scaling.csv` to the folder `--out`, where `benches/draw.py`
+//! turns it into a chart for each kernel, precision and number of threads. Points and charges are the same
+//! in every run.
 
 mod args;
-mod chart;
-mod cli;
-mod clouds;
 mod kernels;
 mod limits;
 mod measure;
-mod remembered;
 mod row;
 mod series;
 
@@ -26,11 +23,12 @@ use std::fs;
 use std::process::ExitCode;
 
 use clap::Parser;
+use farfield_benches::cli::{Precision, name};
+use farfield_benches::clouds;
 use farfield_testing::clouds::half_width;
 use glam::DVec3;
 
 use args::{Args, KernelName};
-use cli::{Precision, name};
 use kernels::with_kernel;
 use limits::Limits;
 use measure::{Measurement, pool, rounded};
@@ -78,12 +76,9 @@ fn run(args: &Args) -> Result<Vec<(Setting, Outcome)>, Box<dyn Error>> {
     }
     println!();
     series::exponents(&rows).iter().for_each(|line| println!("{line}"));
-    let charts = series::charts(&rows).into_iter();
-    for (file, text) in charts.chain([("scaling.csv".into(), row::csv(&rows))]) {
-        let path = args.out.join(file);
-        fs::write(&path, text).map_err(|error| format!("{}: {error}", path.display()))?;
-        println!("wrote {}", path.display());
-    }
+    let path = args.out.join("scaling.csv");
+    fs::write(&path, row::csv(&rows)).map_err(|error| format!("{}: {error}", path.display()))?;
+    println!("wrote {}", path.display());
     Ok(rows)
 }
 

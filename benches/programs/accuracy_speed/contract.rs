@@ -3,14 +3,13 @@
 use std::error::Error;
 use std::fmt::Write as _;
 
+use farfield_benches::cli::{Precision, name};
+use farfield_benches::clouds::{self, Cloud};
 use farfield_testing::clouds::half_width;
 use glam::DVec3;
 
 use crate::args::Args;
 use crate::case::{KernelName, Way, methods};
-use crate::chart::{Chart, Panel, Series};
-use crate::cli::{Precision, name};
-use crate::clouds::{self, Cloud};
 use crate::output::Output;
 use crate::problem::misses;
 
@@ -47,12 +46,6 @@ const KERNELS: [KernelName; 16] = [
     KernelName::Stokeslet,
 ];
 
-/// Errors this much smaller than what was asked for took more work than they had to.
-const GENEROUS: f64 = 30.0;
-
-/// Errors below are those of the judge.
-const FLOOR: f64 = 1e-16;
-
 /// Half the longest side of all clouds, so that their cells are of the same sizes and operators serve
 /// several of them.
 const HALF_WIDTH: f64 = 0.49;
@@ -72,7 +65,6 @@ pub(crate) fn run(args: &Args, output: &Output) -> Result<usize, Box<dyn Error>>
         }
         output.write("contract.csv", &csv(&rows))?;
         output.write("contract.txt", &table(&rows))?;
-        output.write("contract.svg", &chart(&rows).svg())?;
     }
     println!("\n{}", table(&rows));
     Ok(rows.iter().filter(|row| row.missed()).count())
@@ -173,60 +165,7 @@ fn table(rows: &[Row]) -> String {
     table
 }
 
-fn chart(rows: &[Row]) -> Chart {
-    let labels = labels(rows);
-    let mut clouds: Vec<(usize, Cloud)> = Vec::new();
-    for row in rows {
-        if !clouds.contains(&(row.n, row.cloud)) {
-            clouds.push((row.n, row.cloud));
-        }
-    }
-    let asked = || rows.iter().map(|row| row.asked);
-    let ends = [asked().fold(1.0, f64::min), asked().fold(0.0, f64::max)];
-    let guide = |label: &str, dashes: usize, share: f64| Series {
-        label: label.into(),
-        colour: 5,
-        dashes,
-        width: 1.6,
-        dots: 0.0,
-        points: ends.map(|asked| (asked, share * asked)).to_vec(),
-    };
-    let panel = |&(n, cloud): &(usize, Cloud)| {
-        let own = || rows.iter().filter(|row| (row.n, row.cloud) == (n, cloud));
-        let place = |row: &Row| Some((row.asked, row.delivered?.max(FLOOR)));
-        let mut series = vec![
-            guide("as asked", 0, 1.0),
-            guide("30 times more accurate than asked", 2, 1.0 / GENEROUS),
-        ];
-        for (colour, label) in labels.iter().enumerate() {
-            let points: Vec<_> = own().filter(|r| r.label() == *label).filter_map(place).collect();
-            // Grey is the guides'.
-            let colour = if colour < 5 { colour } else { colour + 1 };
-            series.push(Series {
-                label: label.clone(),
-                colour,
-                dashes: 0,
-                width: 0.6,
-                dots: 2.2,
-                points,
-            });
-        }
-        let crosses = own().filter(|row| row.missed()).filter_map(place).collect();
-        let title = format!("{}, N = {n:e}", name(cloud));
-        Panel { title, series, rings: Vec::new(), crosses }
-    };
-    Chart {
-        title: "What is asked for, and what is delivered: every point should lie below the line"
-            .into(),
-        x: "relative l2 error asked for".into(),
-        y: "relative l2 error delivered, all targets".into(),
-        ring: String::new(),
-        cross: "missed what was asked".into(),
-        panels: clouds.iter().map(panel).collect(),
-    }
-}
-
-/// The lines of the chart, in the order of their rows.
+/// The lines of the table, in the order of their rows.
 fn labels(rows: &[Row]) -> Vec<String> {
     let mut labels: Vec<String> = Vec::new();
     for row in rows {

@@ -3,15 +3,15 @@
 use std::path::PathBuf;
 
 use clap::{Parser, ValueEnum};
+use farfield_benches::cli::{Precision, count, threads, tolerance};
+use farfield_benches::clouds::Cloud;
 
 use crate::case::KernelName;
-use crate::cli::{Precision, count, threads, tolerance};
-use crate::clouds::Cloud;
 
 /// Measures what accuracy costs, whether it is delivered, and how many terms it needs.
 ///
 /// Errors are relative in the l2 norm against direct sums in double precision. Times are medians. An
-/// error above what was asked for is drawn as a cross and counted as missed.
+/// error above what was asked for is counted as missed.
 #[derive(Debug, Parser)]
 #[command(name = "accuracy_speed")]
 pub(crate) struct Args {
@@ -52,11 +52,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "S", default_value = "60")]
     pub(crate) limit: f64,
 
-    /// What benches/peers has measured; left out if it isn't there
-    #[arg(long, value_name = "FILE", default_value = "benches/peers/target/peers/peers.csv")]
-    pub(crate) peers: PathBuf,
-
-    /// Where files go
+    /// Folder for the files
     #[arg(long, value_name = "DIR", default_value = "target/accuracy_speed")]
     pub(crate) out: PathBuf,
 }

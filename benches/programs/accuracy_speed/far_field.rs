@@ -4,9 +4,9 @@ use faer::Mat;
 use farfield::{
     Additive, Cell, Cube, Error, Expansion, Geometry, Kernel, Level, direct, relative_l2_error,
 };
+use farfield_benches::clouds;
 use glam::DVec3;
 
-use crate::clouds;
 use crate::placed::Placed;
 
 /// A cell full of sources, and targets in each of the 316 cells that M2L can reach from it, all at the

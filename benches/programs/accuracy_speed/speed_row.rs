@@ -2,9 +2,10 @@
 
 use std::fmt::Write as _;
 
+use farfield_benches::cli::{Precision, name};
+use farfield_benches::clouds::Cloud;
+
 use crate::case::{KernelName, Way};
-use crate::cli::{Precision, name};
-use crate::clouds::Cloud;
 use crate::problem::{Measured, misses};
 
 /// One sum in one way.

@@ -1,4 +1,4 @@
-//! The points and the charges: the same in every run.
+//! Points and charges, the same in every run.
 
 use clap::ValueEnum;
 use farfield_testing::clouds;
@@ -6,7 +6,7 @@ use glam::DVec3;
 
 /// A distribution of points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Cloud {
+pub enum Cloud {
     /// Uniform in the unit cube
     Cube,
     /// Uniform on the unit sphere
@@ -21,8 +21,8 @@ pub(crate) enum Cloud {
     Helix,
 }
 
-/// A cloud of `n` points.
-pub(crate) fn cloud(cloud: Cloud, n: usize) -> Vec<DVec3> {
+/// `n` points of a distribution.
+pub fn cloud(cloud: Cloud, n: usize) -> Vec<DVec3> {
     let points = match cloud {
         Cloud::Cube => clouds::cube,
         Cloud::Sphere => clouds::sphere,
@@ -34,7 +34,13 @@ pub(crate) fn cloud(cloud: Cloud, n: usize) -> Vec<DVec3> {
     points(n, cloud as u64 + 1)
 }
 
+/// `n` points of a low-discrepancy sequence: evenly spread in the unit cube.
+pub fn even(n: usize) -> Vec<DVec3> {
+    let point = |i| (DVec3::new(0.819_173, 0.671_044, 0.549_700) * i as f64).fract();
+    (1..=n).map(point).collect()
+}
+
 /// `n` charges, uniform in [−1, 1).
-pub(crate) fn charges(n: usize) -> Vec<f64> {
+pub fn charges(n: usize) -> Vec<f64> {
     clouds::charges(n, 7)
 }

@@ -3,11 +3,11 @@
 use std::time::Instant;
 
 use farfield::{Columns, Error, Expansion, Fmm, Kernel, Scheme, direct, relative_l2_error};
+use farfield_benches::clouds;
+use farfield_benches::operators::forget_operators;
 use glam::DVec3;
 
-use crate::clouds;
 use crate::placed::{Placed, charges, numbers};
-use crate::remembered::forget_operators;
 
 /// Points that act on each other, with exact sums at some of them.
 #[derive(Debug)]

@@ -1,10 +1,10 @@
-//! What command lines have in common.
+//! Values on command lines.
 
 use clap::ValueEnum;
 
 /// A floating-point precision.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Precision {
+pub enum Precision {
     /// Single
     F32,
     /// Double
@@ -12,28 +12,37 @@ pub(crate) enum Precision {
 }
 
 /// The name that a value has on the command line.
-pub(crate) fn name(value: impl ValueEnum) -> String {
+pub fn name(value: impl ValueEnum) -> String {
     value.to_possible_value().map_or_else(String::new, |v| v.get_name().to_owned())
 }
 
-/// A whole number, which may be written like 1e6.
-pub(crate) fn count(text: &str) -> Result<usize, String> {
+/// Reads a whole number, which may be written like 1e6.
+///
+/// # Errors
+/// If the text is anything else.
+pub fn count(text: &str) -> Result<usize, String> {
     match text.parse::<f64>() {
         Ok(n) if (1.0..=4e9).contains(&n) && n.fract() == 0.0 => Ok(n as usize),
         _ => Err("expected a whole number from 1 to 4e9, such as 100000 or 1e5".into()),
     }
 }
 
-/// An error to ask for.
-pub(crate) fn tolerance(text: &str) -> Result<f64, String> {
+/// Reads a relative error to ask for.
+///
+/// # Errors
+/// If the text is not a number between 0 and 1.
+pub fn tolerance(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(tolerance) if 0.0 < tolerance && tolerance < 1.0 => Ok(tolerance),
         _ => Err("expected a number between 0 and 1, both excluded".into()),
     }
 }
 
-/// A number of threads.
-pub(crate) fn threads(text: &str) -> Result<usize, String> {
+/// Reads a number of threads.
+///
+/// # Errors
+/// If the text is not a whole number from 1 to 512.
+pub fn threads(text: &str) -> Result<usize, String> {
     match text.parse() {
         Ok(count @ 1..=512) => Ok(count),
         _ => Err("expected a whole number from 1 to 512".into()),

@@ -5,15 +5,15 @@ use std::time::Instant;
 use farfield::{
     ApplyTimes, Columns, Error, Fmm, Point, Real, Scalar, Scheme, Vector, direct, relative_l2_error,
 };
+use farfield_benches::cli::Precision;
+use farfield_benches::clouds;
+use farfield_benches::operators::forget_operators;
 use glam::DVec3;
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 
 use crate::args::Args;
-use crate::cli::Precision;
-use crate::clouds;
 use crate::kernels::{Charge, Summed, Value, Visit};
 use crate::limits::Limits;
-use crate::remembered::forget_operators;
 use crate::row::{Outcome, Row, Setting};
 
 /// Targets at which errors are measured.

@@ -5,9 +5,8 @@ use std::path::PathBuf;
 use std::thread::available_parallelism;
 
 use clap::{Parser, ValueEnum};
-
-use crate::cli::{Precision, count, threads, tolerance};
-use crate::clouds::Cloud;
+use farfield_benches::cli::{Precision, count, threads, tolerance};
+use farfield_benches::clouds::Cloud;
 
 /// Measures how plans and applications scale with the number of points.
 ///
@@ -53,7 +52,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "R", default_value = "5", value_parser = count)]
     pub(crate) repeats: usize,
 
-    /// Where scaling.csv and the charts go
+    /// Folder for scaling.csv
     #[arg(long, value_name = "DIR", default_value = "target/scaling")]
     pub(crate) out: PathBuf,
 }

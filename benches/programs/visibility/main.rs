@@ -1,17 +1,16 @@
-//! What visibility costs: rays, seconds and memory of a gather of red, green and blue in a room with two
-//! blocks and a lamp, beside direct summation with the same visibility.
+//! Measures what visibility costs: rays, seconds and memory of a gather of red, green and blue in a room
+//! with two blocks and a lamp, beside direct summation with the same visibility.
 //!
 //! ```text
 //! cargo run --release -p farfield-benches --example visibility
 //! cargo run --release -p farfield-benches --example visibility -- --elements 1e3,1e4 --tolerance 1e-2
 //! ```
 //!
-//! The table goes to standard output; `visibility.csv` and the charts `rays.svg` and `seconds.svg` to
-//! `--out`. Errors are relative in the l2 norm, the worst band's, against direct sums with exact
-//! visibility at sampled elements. Direct summation is timed at those elements and scaled up.
+//! The table goes to standard output, and `visibility.csv` to the folder `--out`, where `benches/draw.py`
+//! turns it into charts. Errors are relative in the l2 norm, those of the worst band, against direct sums
+//! with exact visibility at sampled elements. A larger error than the tolerance ends the program. Direct
+//! summation is timed at the same elements and scaled up.
 
-#[path = "../scaling/chart.rs"]
-mod chart;
 mod room;
 
 use std::error::Error;
@@ -23,9 +22,9 @@ use std::time::Instant;
 
 use clap::{Parser, ValueEnum};
 use farfield::{Fmm, direct_masked, relative_l2_error};
+use farfield_benches::cli::{count, name};
 use farfield_radiosity::{Irradiance, Occluders, Surfel, Visibility};
 
-use chart::{Chart, Panel, Series};
 use room::Room;
 
 /// Measures what visibility costs.
@@ -54,7 +53,7 @@ struct Args {
     #[arg(long, value_name = "N", default_value = "300", value_parser = count)]
     samples: usize,
 
-    /// Where visibility.csv and the charts go
+    /// Folder for visibility.csv
     #[arg(long, value_name = "DIR", default_value = "target/visibility")]
     out: PathBuf,
 }
@@ -127,14 +126,8 @@ fn run(args: &Args) -> Result<(), Box<dyn Error>> {
             rows.push(row);
         }
     }
-    for (file, text) in [
-        ("visibility.csv", csv(&rows)),
-        ("rays.svg", rays(&rows, args)),
-        ("seconds.svg", seconds(&rows, args)),
-    ] {
-        let path = args.out.join(file);
-        fs::write(&path, text).map_err(|error| format!("{}: {error}", path.display()))?;
-    }
+    let path = args.out.join("visibility.csv");
+    fs::write(&path, csv(&rows)).map_err(|error| format!("{}: {error}", path.display()))?;
     Ok(())
 }
 
@@ -196,13 +189,6 @@ fn measure(args: &Args, room: &Room, way: Way) -> Result<Row, Box<dyn Error>> {
     })
 }
 
-fn name(way: Way) -> &'static str {
-    match way {
-        Way::Exact => "exact",
-        Way::Fractional => "fractional",
-    }
-}
-
 fn csv(rows: &[Row]) -> String {
     let mut csv = String::from(
         "elements,visibility,plan_s,apply_s,direct_s,relative_l2_error,uncertainty,\
@@ -228,68 +214,4 @@ fn csv(rows: &[Row]) -> String {
         );
     }
     csv
-}
-
-/// Rays per element, with the line N^½ through the first point of the exact ones.
-fn rays(rows: &[Row], args: &Args) -> String {
-    let mut all: Vec<Series> = (args.visibility.iter().enumerate())
-        .map(|(k, &way)| series(rows, way, name(way).into(), k, 0, |row| row.rays))
-        .collect();
-    if let Some(first) = rows.iter().find(|row| row.way == Way::Exact) {
-        let line = |&elements: &usize| {
-            let x = elements as f64;
-            (x, first.rays * (x / first.elements as f64).sqrt())
-        };
-        let points = args.elements.iter().map(line).collect();
-        let label = "∝ √N".into();
-        all.push(Series { label, colour: 5, dashes: 2, width: 1.6, dots: 2.5, points });
-    }
-    let title =
-        format!("Rays per element in a room with two blocks, tolerance {:e}", args.tolerance);
-    one_panel(title, "rays per element", "visibility", all)
-}
-
-fn seconds(rows: &[Row], args: &Args) -> String {
-    let all: Vec<Series> = (args.visibility.iter().enumerate())
-        .flat_map(|(k, &way)| {
-            let label = |what: &str| format!("{}, {what}", name(way));
-            [
-                series(rows, way, label("plan"), k, 0, |row| row.plan),
-                series(rows, way, label("gather"), k, 1, |row| row.apply),
-            ]
-        })
-        .chain(
-            args.visibility
-                .first()
-                .map(|&way| series(rows, way, "direct, one gather".into(), 5, 2, |row| row.direct)),
-        )
-        .collect();
-    let title = format!("Seconds in a room with two blocks, tolerance {:e}", args.tolerance);
-    one_panel(title, "seconds", "gather of three bands", all)
-}
-
-fn one_panel(title: String, y: &str, what: &str, series: Vec<Series>) -> String {
-    let panels = vec![Panel { title: what.into(), series, ..Panel::default() }];
-    Chart { title, x: "elements".into(), y: y.into(), panels, ..Chart::default() }.svg()
-}
-
-fn series(
-    rows: &[Row],
-    way: Way,
-    label: String,
-    colour: usize,
-    dashes: usize,
-    value: impl Fn(&Row) -> f64,
-) -> Series {
-    let own = rows.iter().filter(|row| row.way == way);
-    let points = own.map(|row| (row.elements as f64, value(row))).collect();
-    Series { label, colour, dashes, width: 1.6, dots: 2.5, points }
-}
-
-/// A whole number, also as 1e5.
-fn count(text: &str) -> Result<usize, String> {
-    match text.parse::<f64>() {
-        Ok(n) if n >= 1.0 && n.fract() == 0.0 && n <= 1e8 => Ok(n as usize),
-        _ => Err(format!("expected a whole number from 1 to 1e8, found `{text}`")),
-    }
 }

@@ -2,13 +2,12 @@
 
 use std::error::Error;
 
+use farfield_benches::cli::name;
+use farfield_benches::clouds::{self, Cloud};
+
 use crate::args::Args;
 use crate::case::{KernelName, Method, methods};
-use crate::cli::name;
-use crate::clouds::{self, Cloud};
 use crate::output::Output;
-use crate::rivals::{self, Rival};
-use crate::speed_chart::charts;
 use crate::speed_row::{HEADING, Outcome, Row, csv, table};
 
 /// Targets at which errors are measured.
@@ -18,12 +17,8 @@ const SAMPLES: usize = 1000;
 /// what was asked of them.
 ///
 /// # Errors
-/// If a file can't be read or written, or the engine refuses anything but a tolerance.
+/// If a file can't be written, or the engine refuses anything but a tolerance.
 pub(crate) fn run(args: &Args, output: &Output) -> Result<usize, Box<dyn Error>> {
-    let rivals = rivals::read(&args.peers)?;
-    if rivals.is_empty() {
-        println!("no rivals: {} isn't there, benches/peers/run.sh makes it", args.peers.display());
-    }
     let mut missed = 0;
     for n in args.points(&[100_000, 1_000_000]) {
         for cloud in args.clouds(&[Cloud::Cube, Cloud::Sphere]) {
@@ -47,7 +42,9 @@ pub(crate) fn run(args: &Args, output: &Output) -> Result<usize, Box<dyn Error>>
                     }
                 }
                 // All there is so far: the rest may take hours.
-                write(output, &format!("{}_{n:e}", name(cloud)), &rows, &rivals)?;
+                let cloud = format!("{}_{n:e}", name(cloud));
+                output.write(&format!("speed_{cloud}.csv"), &csv(&rows))?;
+                output.write(&format!("speed_{cloud}.txt"), &table(&rows))?;
             }
             println!("\n{}", table(&rows));
             missed += rows.iter().filter(|row| row.missed()).count();
@@ -87,11 +84,4 @@ fn measure(
         report(Some(tolerance), outcome);
     }
     Ok(())
-}
-
-/// Writes the files of one cloud: those of others stay as they are.
-fn write(output: &Output, cloud: &str, rows: &[Row], rivals: &[Rival]) -> Result<(), String> {
-    output.write(&format!("speed_{cloud}.csv"), &csv(rows))?;
-    output.write(&format!("speed_{cloud}.txt"), &table(rows))?;
-    charts(rows, rivals).iter().try_for_each(|(file, chart)| output.write(file, &chart.svg()))
 }

@@ -2,13 +2,13 @@
 
 use std::error::Error;
 use std::fmt::Write as _;
+use std::iter;
 
 use farfield::{Expansion, Interpolation, Kernel, PointKernel};
 use farfield_potentials::{Exponent, HarmonicExpansion, MinusFour, MinusOne, PowerLaw};
 use farfield_radiosity::{Irradiance, SixteenMoment};
 
 use crate::case::KernelName;
-use crate::chart::{Chart, Panel, Series};
 use crate::far_field::{FarField, Sampling};
 use crate::output::Output;
 use crate::placed::Placed;
@@ -73,7 +73,6 @@ pub(crate) fn run(output: &Output) -> Result<(), Box<dyn Error>> {
         kinds.push(measure()?);
         output.write("terms.csv", &csv(&kinds))?;
         output.write("terms.txt", &table(&kinds))?;
-        output.write("terms.svg", &chart(&kinds).svg())?;
     }
     println!("\n{}", table(&kinds));
     Ok(())
@@ -154,6 +153,16 @@ impl Kind {
         self.points.push(Point { expansion, knob, terms, error });
     }
 
+    /// The bound at every number of terms, or every thirtieth part of large ones, down to the least error of
+    /// all expansions.
+    fn bound_samples(&self) -> impl Iterator<Item = (usize, f64)> {
+        let least = self.points.iter().map(|point| point.error).fold(1.0, f64::min);
+        let terms = iter::successors(Some(1), |&terms: &usize| Some(terms + terms.div_ceil(30)));
+        terms
+            .map_while(|terms| Some((terms, *self.bound.get(terms)?)))
+            .take_while(move |(_, error)| *error >= least)
+    }
+
     fn of(&self, expansion: Expanded) -> impl Iterator<Item = &Point> {
         self.points.iter().filter(move |point| point.expansion == expansion)
     }
@@ -168,9 +177,8 @@ fn csv(kinds: &[Kind]) -> String {
             // Writing to a string can't fail, here and below.
             let _ = writeln!(csv, "{kernel},{label},{knob},{terms},{error:.3e},{least}");
         }
-        for error in ERRORS {
-            let least = least_terms(&kind.bound, error);
-            let _ = writeln!(csv, "{},bound,,{least},{error:e},{least}", kind.kernel.label());
+        for (terms, error) in kind.bound_samples() {
+            let _ = writeln!(csv, "{},bound,,{terms},{error:.3e},{terms}", kind.kernel.label());
         }
     }
     csv
@@ -201,35 +209,4 @@ fn table(kinds: &[Kind]) -> String {
         }
     }
     table + "\n"
-}
-
-fn chart(kinds: &[Kind]) -> Chart {
-    let panel = |kind: &Kind| {
-        let least = kind.points.iter().map(|p| p.error).fold(1.0, f64::min);
-        let shown = |&(terms, error): &(f64, f64)| terms > 0.0 && error >= least;
-        let bound = kind.bound.iter().enumerate().map(|(r, &error)| (r as f64, error));
-        let mut series = vec![Series {
-            label: "least of any method (SVD)".into(),
-            colour: 5,
-            dashes: 1,
-            width: 1.8,
-            dots: 0.0,
-            points: bound.filter(shown).collect(),
-        }];
-        for (colour, expansion) in EXPANSIONS.into_iter().enumerate() {
-            let points: Vec<_> = kind.of(expansion).map(|p| (p.terms as f64, p.error)).collect();
-            if !points.is_empty() {
-                let label = expansion.label().into();
-                series.push(Series { label, colour, dashes: 0, width: 1.4, dots: 2.4, points });
-            }
-        }
-        Panel { title: kind.kernel.label().into(), series, ..Panel::default() }
-    };
-    Chart {
-        title: "Terms per cell and the error of its far field over all 316 offsets".into(),
-        x: "terms per cell".into(),
-        y: "relative Frobenius error".into(),
-        panels: kinds.iter().map(panel).collect(),
-        ..Chart::default()
-    }
 }

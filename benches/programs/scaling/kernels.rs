@@ -1,12 +1,12 @@
 //! The kernels, each with the one in double precision that judges it.
 
 use farfield::{Point, PointKernel, Real};
+use farfield_benches::cli::Precision;
 use farfield_potentials::{InverseDistance, InverseFourth, PotentialGradient};
 use farfield_testing::formulas::{anisotropic, cube, gaussian, helmholtz, log, yukawa};
 use num_complex::Complex;
 
 use crate::args::KernelName;
-use crate::cli::Precision;
 
 /// A kernel between bare points whose charges and values a measurement can read.
 pub(crate) trait Summed<T: Real>:
