@@ -5,7 +5,7 @@
     python3 benches/draw.py FOLDER
 
 Reads those of speed_*.csv, contract.csv, terms.csv, visibility.csv and scaling.csv that the folder holds, and
-writes each chart beside them as SVG and PNG. The measurements of other libraries, peers.csv of benches/peers,
+writes each chart beside them as SVG. The measurements of other libraries, peers.csv of benches/peers,
 are added to the charts of speed if that file is in the folder too.
 """
 
@@ -79,7 +79,7 @@ def speed(folder, cloud, rows):
     ]:
         chart = Chart(
             unique(label(row) for row in rows),
-            f"Error and time, {name}, N = {power(n)}: {what}; towards the lower left is better",
+            f"Error and time, {name}, N = {power(n)}: {what};\ntowards the lower left is better",
             "relative l2 error, measured",
             f"μs per point, {time}",
         )
@@ -170,7 +170,8 @@ def visibility(folder, rows):
     """Rays per element, and seconds, against the number of elements."""
     ways = unique(row["visibility"] for row in rows)
     points = lambda way, column: [(row["elements"], row[column]) for row in rows if row["visibility"] == way]
-    chart = Chart([""], "Rays per element in a room with two blocks", "elements", "rays per element")
+    tolerance = power(rows[0]["tolerance"])
+    chart = Chart([""], f"Rays per element in a room with two blocks, tolerance {tolerance}", "elements", "rays per element")
     for number, way in enumerate(ways):
         chart.line(chart.panels[0], points(way, "rays_per_element"), way, COLOURS[number], "-")
     first, *_ = start = points(ways[0], "rays_per_element")
@@ -178,7 +179,7 @@ def visibility(folder, rows):
     chart.line(chart.panels[0], guide, "∝ √N", GREY, ":", size=0)
     chart.save(folder / "visibility_rays")
 
-    chart = Chart([""], "Seconds in a room with two blocks, three bands", "elements", "seconds")
+    chart = Chart([""], f"Seconds in a room with two blocks, three bands, tolerance {tolerance}", "elements", "seconds")
     for number, way in enumerate(ways):
         for column, what, dashes in [("plan_s", "plan", "-"), ("apply_s", "gather", "--")]:
             chart.line(chart.panels[0], points(way, column), f"{way}, {what}", COLOURS[number], dashes)
@@ -228,13 +229,16 @@ class Chart:
         for axes in self.panels[len(titles):]:
             axes.remove()
         self.panels = self.panels[: len(titles)]
-        for axes, title in zip(self.panels, titles):
+        for number, (axes, title) in enumerate(zip(self.panels, titles)):
             axes.set(xscale="log", yscale="log")
             axes.set_title(title, loc="left", fontsize=9)
             axes.grid(color="#dddddd", lw=0.6)
+            axes.minorticks_off()
             axes.tick_params(labelbottom=True, labelleft=True)
-        self.figure.supxlabel(x, fontsize=9)
-        self.figure.supylabel(y, fontsize=9)
+            if number % columns == 0:
+                axes.set_ylabel(y)
+            if number + columns >= len(titles):
+                axes.set_xlabel(x)
 
     def line(self, axes, points, label, colour, dashes, width=1.3, size=3.5):
         if points:
@@ -270,10 +274,9 @@ class Chart:
             entries.values(), entries.keys(), loc="outside lower center", ncols=max(2, min(len(self.panels), 3) + 1),
             frameon=False, fontsize=8, handlelength=3.5,
         )
-        self.figure.savefig(path.with_name(path.name + ".svg"), metadata={"Date": None})
-        self.figure.savefig(path.with_name(path.name + ".png"), dpi=150)
+        self.figure.savefig(f"{path}.svg", metadata={"Date": None})
         pyplot.close(self.figure)
-        print(f"wrote {path}.svg and .png")
+        print(f"wrote {path}.svg")
 
 
 def label(row):

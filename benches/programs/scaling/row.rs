@@ -152,18 +152,19 @@ pub(crate) fn csv(rows: &[(Setting, Outcome)]) -> String {
          replan,apply,{names},nodes_per_axis,rank,m2l_rank,leaf_size,bytes_per_point,near_fraction,\
          m2l_fraction\n"
     );
+    let commas = text.matches(',').count();
     for (setting, outcome) in rows {
         let Setting { n, cloud, kernel, precision, tolerance, threads } = *setting;
         let (cloud, kernel, precision) = (name(cloud), name(kernel), name(precision));
-        let _ = write!(text, "{n},{cloud},{kernel},{precision},{tolerance:e},{threads},");
+        let mut line = format!("{n},{cloud},{kernel},{precision},{tolerance:e},{threads},");
         let _ = match outcome {
-            Outcome::Failed(error) => writeln!(text, "failed,{error:e}"),
-            Outcome::Refused(_) => writeln!(text, "refused"),
+            Outcome::Failed(error) => write!(line, "failed,{error:e}"),
+            Outcome::Refused(_) => write!(line, "refused"),
             Outcome::Passed(row) => {
                 let BuildTimes { tree, lists, operators } = row.build;
                 let parts = parts(&row.parts).map(|(_, seconds)| seconds.to_string()).join(",");
-                writeln!(
-                    text,
+                write!(
+                    line,
                     "passed,{:e},{},{tree},{lists},{operators},{},{},{},{parts},{},{},{},{},{},{},{}",
                     row.error,
                     row.plan,
@@ -180,6 +181,9 @@ pub(crate) fn csv(rows: &[(Setting, Outcome)]) -> String {
                 )
             }
         };
+        // Rows without times have empty fields in their place.
+        let missing = commas.saturating_sub(line.matches(',').count());
+        let _ = writeln!(text, "{line}{}", ",".repeat(missing));
     }
     text
 }

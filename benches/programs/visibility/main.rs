@@ -127,7 +127,8 @@ fn run(args: &Args) -> Result<(), Box<dyn Error>> {
         }
     }
     let path = args.out.join("visibility.csv");
-    fs::write(&path, csv(&rows)).map_err(|error| format!("{}: {error}", path.display()))?;
+    fs::write(&path, csv(&rows, args.tolerance))
+        .map_err(|error| format!("{}: {error}", path.display()))?;
     Ok(())
 }
 
@@ -189,16 +190,16 @@ fn measure(args: &Args, room: &Room, way: Way) -> Result<Row, Box<dyn Error>> {
     })
 }
 
-fn csv(rows: &[Row]) -> String {
+fn csv(rows: &[Row], tolerance: f64) -> String {
     let mut csv = String::from(
         "elements,visibility,plan_s,apply_s,direct_s,relative_l2_error,uncertainty,\
-         rays_per_element,expansion,direct,hidden,megabytes\n",
+         rays_per_element,expansion,direct,hidden,megabytes,tolerance\n",
     );
     for row in rows {
         // Writing to a string can't fail.
         let _ = writeln!(
             csv,
-            "{},{},{:.3},{:.4},{:.2},{:.3e},{:.3e},{:.1},{:.5},{:.5},{:.5},{:.1}",
+            "{},{},{:.3},{:.4},{:.2},{:.3e},{:.3e},{:.1},{:.5},{:.5},{:.5},{:.1},{tolerance}",
             row.elements,
             name(row.way),
             row.plan,
