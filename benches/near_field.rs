@@ -4,7 +4,7 @@
 use std::hint::black_box;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use farfield::{Additive, Kernel, from_fn, relative_l2_error};
+use farfield::{Kernel, Numbers, from_fn, relative_l2_error};
 use farfield_benches::clouds;
 use farfield_potentials::InverseDistance;
 use glam::{DVec3, Vec3};

@@ -20,7 +20,7 @@ fn operators(criterion: &mut Criterion) {
     let points = clouds::even(POINTS);
     let charges: Vec<f64> = points.iter().map(|p| p.x - p.y).collect();
     let kernel = InverseDistance::<f64>::new();
-    let exact = direct(&kernel, &points, &charges, &points[..SAMPLES]);
+    let exact = direct(&kernel, &points, &charges, &points[..SAMPLES]).unwrap();
     for tolerance in [1e-3, 1e-6, 1e-9] {
         let fmm = Fmm::builder(kernel)
             .tolerance(tolerance)

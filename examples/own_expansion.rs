@@ -39,7 +39,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
     let points: Vec<DVec3> = (0..POINTS).map(point).collect();
     let charges: Vec<f64> = (0..POINTS).map(|i| (i as f64).sin()).collect();
-    let exact = direct(&waves, &points, &charges, &points[..CHECKED]);
+    let exact = direct(&waves, &points, &charges, &points[..CHECKED]).unwrap();
 
     let fmm = Fmm::with_expansion(waves).build(&points, &points)?;
     let values = fmm.apply(&charges)?;
@@ -90,9 +90,10 @@ impl Kernel for Waves {
     type Target = DVec3;
     type Charge = f64;
     type Value = f64;
+    type Entry = f64;
 
-    fn add(&self, x: &DVec3, y: &DVec3, q: &f64, u: &mut f64) {
-        *u += q * self.0.iter().map(|w| w.amplitude * w.k.dot(*x - *y).cos()).sum::<f64>();
+    fn entries(&self, x: DVec3, y: DVec3, g: &mut [f64]) {
+        g[0] = self.0.iter().map(|w| w.amplitude * w.k.dot(x - y).cos()).sum();
     }
 }
 

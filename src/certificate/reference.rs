@@ -136,10 +136,7 @@ impl<E: Expansion> Reference<'_, E> {
         let ys = self.plan.sources[sources.clone()].chunks(1);
         for (y, q) in ys.zip(self.charges[sources].chunks(1)) {
             sums.pairs.fill(Numbers::zero());
-            match xs {
-                [x] => kernel.add(x, &y[0], &q[0], &mut sums.pairs[0]),
-                _ => kernel.add_block(xs, y, q, 0.0, &mut sums.pairs),
-            }
+            kernel.add_block(xs, y, q, 0.0, &mut sums.pairs);
             if weight != 1.0 {
                 let weight = <RealOf<E> as Real>::from_f64(weight);
                 for pair in &mut sums.pairs {

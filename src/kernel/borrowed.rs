@@ -67,11 +67,6 @@ impl<K: Kernel> Kernel for &K {
         (**self).entries_block(xs, ys, g);
     }
 
-    #[inline(always)]
-    fn add(&self, x: &K::Target, y: &K::Source, q: &K::Charge, u: &mut K::Value) {
-        (**self).add(x, y, q, u);
-    }
-
     fn add_block(
         &self,
         xs: &[K::Target],

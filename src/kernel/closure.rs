@@ -95,6 +95,22 @@ impl<F, G, P, V, C> fmt::Debug for FnGradient<F, G, P, V, C> {
     }
 }
 
+impl<F, P, V, C> FnKernel<F, P, V, C>
+where
+    F: Fn(P, P) -> V,
+    V: Scalar,
+    P: Copy + PartialEq,
+    C: Numbers<Real = V::Real>,
+{
+    /// Adds what one pair contributes.
+    #[inline(always)]
+    fn add_pair(&self, x: &P, y: &P, q: &C, u: &mut C) {
+        let k = (self.f)(*x, *y);
+        let skip = self.skip_coincident && x == y;
+        u.add_scaled(if skip { <V as Numbers>::zero() } else { k }, q);
+    }
+}
+
 impl<F, P, V, C> Kernel for FnKernel<F, P, V, C>
 where
     F: Fn(P, P) -> V + Send + Sync,
@@ -114,15 +130,8 @@ where
         g[0] = (self.f)(x.into(), y.into());
     }
 
-    #[inline(always)]
-    fn add(&self, x: &P, y: &P, q: &C, u: &mut C) {
-        let k = (self.f)(*x, *y);
-        let skip = self.skip_coincident && x == y;
-        u.add_scaled(if skip { <V as Numbers>::zero() } else { k }, q);
-    }
-
     fn add_block(&self, xs: &[P], ys: &[P], qs: &[C], _tolerance: f64, us: &mut [C]) {
-        let add = |x: &P, y: &P, q: &C, u: &mut C| self.add(x, y, q, u);
+        let add = |x: &P, y: &P, q: &C, u: &mut C| self.add_pair(x, y, q, u);
         PairLoop { add, xs, ys, qs, us }.run();
     }
 }
@@ -168,18 +177,15 @@ where
         Outcome::Done
     }
 
-    #[inline(always)]
-    fn add(&self, x: &P, y: &P, q: &C, u: &mut WithGradient<C>) {
-        self.kernel.add(x, y, q, &mut u.value);
-        let skip = self.kernel.skip_coincident && x == y;
-        let slopes: [V; 3] = (self.gradient)(*x, *y).into();
-        for (sum, slope) in u.gradient.iter_mut().zip(slopes) {
-            sum.add_scaled(if skip { <V as Numbers>::zero() } else { slope }, q);
-        }
-    }
-
     fn add_block(&self, xs: &[P], ys: &[P], qs: &[C], _tolerance: f64, us: &mut [WithGradient<C>]) {
-        let add = |x: &P, y: &P, q: &C, u: &mut WithGradient<C>| self.add(x, y, q, u);
+        let add = |x: &P, y: &P, q: &C, u: &mut WithGradient<C>| {
+            self.kernel.add_pair(x, y, q, &mut u.value);
+            let skip = self.kernel.skip_coincident && x == y;
+            let slopes: [V; 3] = (self.gradient)(*x, *y).into();
+            for (sum, slope) in u.gradient.iter_mut().zip(slopes) {
+                sum.add_scaled(if skip { <V as Numbers>::zero() } else { slope }, q);
+            }
+        };
         PairLoop { add, xs, ys, qs, us }.run();
     }
 }

@@ -105,16 +105,17 @@ pub fn direct_masked<K: Kernel>(
     targets: &[K::Target],
 ) -> Result<Vec<K::Value>, Error> {
     Error::check_charges(sources.len(), charges.len())?;
-    let sum = |x: &K::Target| {
-        let mut u = K::Value::zero();
-        for (y, q) in sources.iter().zip(charges) {
-            if mask.pair(x, y) {
-                kernel.add(x, y, q, &mut u);
+    let sum = |i: usize| {
+        let mut u = [K::Value::zero()];
+        for (j, y) in sources.iter().enumerate() {
+            if mask.pair(&targets[i], y) {
+                kernel.add_block(&targets[i..=i], &sources[j..=j], &charges[j..=j], 0.0, &mut u);
             }
         }
+        let [u] = u;
         u
     };
-    Ok(parallel::map(targets.len(), &|i| sum(&targets[i])))
+    Ok(parallel::map(targets.len(), &sum))
 }
 
 impl<K: Kernel, M: Mask<K>> Mask<K> for &M {

@@ -261,8 +261,8 @@ fn everywhere<V: Vector<T>, T: Real, const L: usize>(p: V) -> Coordinates<Lanes<
 fn equal<T: Real>(a: Coordinates<Pack<T>>, b: Coordinates<Pack<T>>) -> [bool; LANES] {
     let mut same = [true; LANES];
     for (a, b) in a.to_array().iter().zip(b.to_array()) {
-        for lane in 0..LANES {
-            same[lane] &= a.0[lane] == b.0[lane];
+        for (lane, same) in same.iter_mut().enumerate() {
+            *same &= a.0[lane] == b.0[lane];
         }
     }
     same

@@ -124,19 +124,13 @@ pub trait Kernel: Send + Sync {
         }
     }
 
-    /// Adds K(x, y) q to `u`.
-    #[inline(always)]
-    fn add(&self, x: &Self::Target, y: &Self::Source, q: &Self::Charge, u: &mut Self::Value) {
-        use std::slice::{from_mut, from_ref};
-        self.add_block(from_ref(x), from_ref(y), from_ref(q), 0.0, from_mut(u));
-    }
-
     /// Adds Σ_j K(x_i, y_j) q_j to `us[i]` for every target of a block: as many `us` as `xs`, as many
     /// `qs` as `ys`. Each K(x_i, y_j) may be off by the relative error `tolerance`; 0 asks for all
     /// digits.
     ///
-    /// The default takes the entries of the whole block. Override it to do better; each target's sum must
-    /// keep one fixed order of its own.
+    /// The default takes the entries of the whole block. Override it to do better, or where what a pair
+    /// contributes is more than a formula of its positions; each target's sum must keep one fixed order of
+    /// its own.
     fn add_block(
         &self,
         xs: &[Self::Target],
@@ -152,18 +146,20 @@ pub trait Kernel: Send + Sync {
     /// through the words of `bits`, is that of the i-th target and the j-th of n sources. As
     /// [`add_block`](Self::add_block) otherwise.
     ///
-    /// The default calls [`add`](Self::add) for one pair after the other.
+    /// The default sums blocks of one pair after the other.
     fn add_pairs(
         &self,
         xs: &[Self::Target],
         ys: &[Self::Source],
         qs: &[Self::Charge],
         bits: &[u64],
-        _tolerance: f64,
+        tolerance: f64,
         us: &mut [Self::Value],
     ) {
-        for (i, (x, u)) in xs.iter().zip(us).enumerate() {
-            for_each_set_bit(bits, i, ys.len(), |j| self.add(x, &ys[j], &qs[j], u));
+        for (i, (x, u)) in xs.chunks(1).zip(us.chunks_mut(1)).enumerate() {
+            for_each_set_bit(bits, i, ys.len(), |j| {
+                self.add_block(x, &ys[j..=j], &qs[j..=j], tolerance, u);
+            });
         }
     }
 }

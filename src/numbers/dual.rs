@@ -64,6 +64,7 @@ impl<N: Number> Sub for Dual<N> {
 impl<N: Number> Mul for Dual<N> {
     type Output = Self;
     #[inline(always)]
+    #[expect(clippy::suspicious_arithmetic_impl, reason = "the product rule is a sum")]
     fn mul(self, other: Self) -> Self {
         let (u, v) = (self.value, other.value);
         self.combine(u * v, other, |a, b| a * v + b * u)
@@ -73,6 +74,7 @@ impl<N: Number> Mul for Dual<N> {
 impl<N: Number> Div for Dual<N> {
     type Output = Self;
     #[inline(always)]
+    #[expect(clippy::suspicious_arithmetic_impl, reason = "the quotient rule is a difference")]
     fn div(self, other: Self) -> Self {
         let inverse = other.value.recip();
         let quotient = self.value * inverse;

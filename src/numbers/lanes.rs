@@ -13,13 +13,13 @@ pub struct Lanes<T, const L: usize>(pub(crate) [T; L]);
 impl<T, const L: usize> sealed::Sealed for Lanes<T, L> {}
 
 macro_rules! operators {
-    ($($operator:ident $method:ident $sign:tt),*) => {$(
+    ($($operator:ident $method:ident $assign:tt),*) => {$(
         impl<T: Real, const L: usize> $operator for Lanes<T, L> {
             type Output = Self;
             #[inline(always)]
             fn $method(mut self, other: Self) -> Self {
                 for l in 0..L {
-                    self.0[l] = self.0[l] $sign other.0[l];
+                    self.0[l] $assign other.0[l];
                 }
                 self
             }
@@ -31,7 +31,7 @@ macro_rules! operators {
             fn $method(mut self, other: f64) -> Self {
                 let other = T::from_f64(other);
                 for l in 0..L {
-                    self.0[l] = self.0[l] $sign other;
+                    self.0[l] $assign other;
                 }
                 self
             }
@@ -39,7 +39,7 @@ macro_rules! operators {
     )*};
 }
 
-operators!(Add add +, Sub sub -, Mul mul *, Div div /);
+operators!(Add add +=, Sub sub -=, Mul mul *=, Div div /=);
 
 impl<T: Real, const L: usize> Neg for Lanes<T, L> {
     type Output = Self;

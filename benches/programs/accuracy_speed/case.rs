@@ -3,7 +3,7 @@
 use std::rc::Rc;
 
 use clap::ValueEnum;
-use farfield::{Columns, Error, Interpolation, Kernel, Point, PointKernel, Real, Scheme};
+use farfield::{Error, Interpolation, Kernel, Numbers, Point, Real, Scheme};
 use farfield_benches::cli::Precision;
 use farfield_potentials::{
     Exponent, HarmonicExpansion, MinusFour, MinusOne, PlusTwo, PowerLaw, squared_distance_sum,
@@ -14,7 +14,7 @@ use farfield_testing::formulas::{
     anisotropic, anisotropic_gaussian, cube, gaussian, helmholtz, inverse_quadratic, log, matern,
     multiquadric, r_log_r, yukawa,
 };
-use farfield_testing::stokeslet::Stokeslet;
+use farfield_testing::stokeslet::stokeslet;
 use glam::DVec3;
 
 use crate::placed::Placed;
@@ -195,7 +195,7 @@ pub(crate) fn methods(
         (N::RLogR, F64) => own_judge(r_log_r(h), at),
         (N::InverseQuadratic, F64) => own_judge(inverse_quadratic(h), at),
         (N::AnisotropicGaussian, F64) => own_judge(anisotropic_gaussian(h), at),
-        (N::Stokeslet, F64) => own_judge(Stokeslet, at),
+        (N::Stokeslet, F64) => own_judge(stokeslet(), at),
     })
 }
 
@@ -204,14 +204,14 @@ type At<'a> = (&'a [DVec3], usize);
 
 /// A kernel whose sums this example can make, over points that it can make.
 trait Summed<P: Placed>:
-    PointKernel<Source = P, Target = P, Charge: Columns<Self::Real>, Value: Columns<Self::Real>>
+    Kernel<Source = P, Target = P, Charge: Columns<Self::Real>, Value: Columns<Self::Real>>
     + Copy
     + 'static
 {
 }
 
 impl<P: Placed, K> Summed<P> for K where
-    K: PointKernel<Source = P, Target = P, Charge: Columns<K::Real>, Value: Columns<K::Real>>
+    K: Kernel<Source = P, Target = P, Charge: Columns<K::Real>, Value: Columns<K::Real>>
         + Copy
         + 'static
 {
@@ -222,8 +222,8 @@ where
     P: Placed,
     K: Summed<P>,
     J: Kernel<Real = f64, Source = P::Wide, Target = P::Wide>,
-    J::Charge: Columns<f64>,
-    J::Value: Columns<f64>,
+    J::Charge: Numbers<Real = f64>,
+    J::Value: Numbers<Real = f64>,
 {
     Rc::new(Problem::new(kernel, judge, cloud, samples))
 }

@@ -2,7 +2,7 @@
 
 use faer::Mat;
 use farfield::{
-    Additive, Cell, Cube, Error, Expansion, Geometry, Kernel, Level, direct, relative_l2_error,
+    Cell, Cube, Error, Expansion, Geometry, Kernel, Level, Numbers, direct, relative_l2_error,
 };
 use farfield_benches::clouds;
 use glam::DVec3;
@@ -138,7 +138,8 @@ where
 
     fn directly(&self) -> Vec<f64> {
         let targets: Vec<P> = self.targets.iter().flat_map(|(_, points)| points.clone()).collect();
-        let sums = |charges: &Vec<f64>| direct(&self.kernel, &self.sources, charges, &targets);
+        let sums =
+            |charges: &Vec<f64>| direct(&self.kernel, &self.sources, charges, &targets).unwrap();
         let mut exact: Vec<f64> = self.charges.iter().flat_map(sums).collect();
         self.weigh(&mut exact);
         exact

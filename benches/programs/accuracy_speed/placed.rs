@@ -1,6 +1,6 @@
 //! What can be summed over at any points: sources and targets, charges and values.
 
-use farfield::{Columns, Located, Real};
+use farfield::{Located, Numbers, Real};
 use farfield_radiosity::Surfel;
 use glam::{DVec3, Vec3};
 
@@ -15,7 +15,7 @@ pub(crate) trait Placed: Located {
 }
 
 /// Puts numbers into charges, each rounded to the precision.
-pub(crate) fn charges<T: Real, C: Columns<T>>(numbers: &[f64]) -> Vec<C> {
+pub(crate) fn charges<T: Real, C: Numbers<Real = T>>(numbers: &[f64]) -> Vec<C> {
     let charge = |numbers: &[f64]| {
         let mut charge = C::zero();
         for (i, &number) in numbers.iter().enumerate() {
@@ -27,7 +27,9 @@ pub(crate) fn charges<T: Real, C: Columns<T>>(numbers: &[f64]) -> Vec<C> {
 }
 
 /// The numbers in charges or values.
-pub(crate) fn numbers<'a, T: Real, C: Columns<T>>(of: impl IntoIterator<Item = &'a C>) -> Vec<f64> {
+pub(crate) fn numbers<'a, T: Real, C: Numbers<Real = T>>(
+    of: impl IntoIterator<Item = &'a C>,
+) -> Vec<f64> {
     of.into_iter().flat_map(|c| (0..C::WIDTH).map(|i| c.column(i).as_f64())).collect()
 }
 

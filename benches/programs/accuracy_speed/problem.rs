@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use farfield::{Columns, Error, Expansion, Fmm, Kernel, Scheme, direct, relative_l2_error};
+use farfield::{Error, Expansion, Fmm, Kernel, Numbers, Scheme, direct, relative_l2_error};
 use farfield_benches::clouds;
 use farfield_benches::operators::forget_operators;
 use glam::DVec3;
@@ -55,8 +55,8 @@ where
     pub(crate) fn new<J>(kernel: K, judge: &J, cloud: &[DVec3], samples: usize) -> Self
     where
         J: Kernel<Real = f64, Source = P::Wide, Target = P::Wide>,
-        J::Charge: Columns<f64>,
-        J::Value: Columns<f64>,
+        J::Charge: Numbers<Real = f64>,
+        J::Value: Numbers<Real = f64>,
     {
         let points: Vec<P> = cloud.iter().enumerate().map(|(i, &p)| P::at(p, i)).collect();
         let width = <K::Charge as Columns<K::Real>>::WIDTH;
@@ -66,7 +66,7 @@ where
         let sources: Vec<P::Wide> = points.iter().map(P::widened).collect();
         let targets: Vec<P::Wide> = sources.iter().step_by(step).cloned().collect();
         let rounded: Vec<J::Charge> = crate::placed::charges(&numbers(&charges));
-        let exact = numbers(&direct(judge, &sources, &rounded, &targets));
+        let exact = numbers(&direct(judge, &sources, &rounded, &targets).unwrap());
         Self { kernel, points, charges, exact, step }
     }
 
@@ -74,7 +74,7 @@ where
     pub(crate) fn directly(&self) -> Measured {
         let targets: Vec<P> = self.points.iter().step_by(self.step).cloned().collect();
         let start = Instant::now();
-        let values = direct(&self.kernel, &self.points, &self.charges, &targets);
+        let values = direct(&self.kernel, &self.points, &self.charges, &targets).unwrap();
         let seconds = start.elapsed().as_secs_f64();
         let error = relative_l2_error(&numbers(&values), &self.exact);
         let apply = seconds * self.points.len() as f64 / targets.len() as f64;
@@ -115,7 +115,7 @@ where
         };
         let (fmm, first_plan) = timed(build)?;
         let (values, first) = timed(|| fmm.apply(&self.charges))?;
-        let (error, terms) = (self.error(&values), fmm.stats().terms_per_cell);
+        let (error, terms) = (self.error(&values), fmm.report().stats.terms_per_cell);
         if repeats == 0 {
             return Ok(Measured { error, first_plan, plan: first_plan, apply: first, terms });
         }

@@ -4,7 +4,7 @@ use std::error::Error;
 use std::fmt::Write as _;
 use std::iter;
 
-use farfield::{Expansion, Interpolation, Kernel, PointKernel};
+use farfield::{Expansion, Interpolation, Kernel};
 use farfield_potentials::{Exponent, HarmonicExpansion, MinusFour, MinusOne, PowerLaw};
 use farfield_radiosity::{Irradiance, SixteenMoment};
 
@@ -121,7 +121,7 @@ fn kind<P, K>(
 ) -> KindResult
 where
     P: Placed<Real = f64>,
-    K: PointKernel + Kernel<Real = f64, Source = P, Target = P, Charge = f64, Value = f64> + Copy,
+    K: Kernel<Real = f64, Source = P, Target = P, Charge = f64, Value = f64> + Copy,
 {
     let bound = field.bound().ok_or("the singular values of a far field can't be found")?;
     let mut kind = Kind { kernel: name, bound, points: Vec::new() };

@@ -1,6 +1,6 @@
 //! The kernels, each with the one in double precision that judges it.
 
-use farfield::{Point, PointKernel, Real};
+use farfield::{Kernel, Point, Real};
 use farfield_benches::cli::Precision;
 use farfield_potentials::{InverseDistance, InverseFourth, PotentialGradient};
 use farfield_testing::formulas::{anisotropic, cube, gaussian, helmholtz, log, yukawa};
@@ -10,13 +10,12 @@ use crate::args::KernelName;
 
 /// A kernel between bare points whose charges and values a measurement can read.
 pub(crate) trait Summed<T: Real>:
-    PointKernel<Real = T, Source = Point<T>, Target = Point<T>, Charge: Charge, Value: Value> + Copy
+    Kernel<Real = T, Source = Point<T>, Target = Point<T>, Charge: Charge, Value: Value> + Copy
 {
 }
 
 impl<T: Real, K> Summed<T> for K where
-    K: PointKernel<Real = T, Source = Point<T>, Target = Point<T>, Charge: Charge, Value: Value>
-        + Copy
+    K: Kernel<Real = T, Source = Point<T>, Target = Point<T>, Charge: Charge, Value: Value> + Copy
 {
 }
 

@@ -6,7 +6,7 @@ use std::time::Instant;
 use faer::linalg::matmul::matmul;
 use faer::traits::ComplexField;
 use faer::{Accum, Mat, Par};
-use farfield::{Additive, Expansion, Interpolation, Point, Real, Vector};
+use farfield::{Expansion, Interpolation, Numbers, Point, Real, Vector};
 use farfield_benches::cli::Precision;
 use farfield_benches::clouds::{self, Cloud};
 

@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use farfield::{
-    ApplyTimes, Columns, Error, Fmm, Point, Real, Scalar, Scheme, Vector, direct, relative_l2_error,
+    ApplyTimes, Error, Fmm, Numbers, Point, Real, Scalar, Scheme, Vector, direct, relative_l2_error,
 };
 use farfield_benches::cli::Precision;
 use farfield_benches::clouds;
@@ -59,7 +59,7 @@ impl Visit for Measurement<'_> {
         let step = self.points.len().div_ceil(SAMPLED);
         let sampled: Vec<DVec3> = self.points.iter().step_by(step).copied().collect();
         let qs: Vec<R::Charge> = charges.iter().map(|&q| Charge::of(q)).collect();
-        let exact = direct(&reference, self.points, &qs, &sampled);
+        let exact = direct(&reference, self.points, &qs, &sampled).unwrap();
 
         let points = self.points.iter().map(|p| Vector::from_array(p.to_array().map(T::from_f64)));
         let points: Vec<Point<T>> = points.collect();
@@ -102,7 +102,7 @@ fn row<T: Real, K: Summed<T>>(
     if !matches!(error.partial_cmp(&setting.tolerance), Some(order) if order.is_le()) {
         return Ok(Outcome::Failed(error));
     }
-    let first = *fmm.build_times();
+    let first = *fmm.report().build;
     drop(fmm);
     let (fmm, replan) = timed(build)?;
 
@@ -118,7 +118,7 @@ fn row<T: Real, K: Summed<T>>(
     runs.sort_by(|a, b| a.total().total_cmp(&b.total()));
     let (apply, parts) = (applies[applies.len() / 2], runs[runs.len() / 2]);
 
-    let stats = fmm.stats();
+    let stats = fmm.report().stats;
     let threads = setting.threads as f64;
     let pairs = stats.direct_pairs as f64 / (parts.near * threads);
     let bare = limits.pairs(setting.kernel, setting.precision, setting.tolerance);
@@ -136,7 +136,7 @@ fn row<T: Real, K: Summed<T>>(
         plan,
         build: first,
         replan,
-        built: first.operators > 2.0 * fmm.build_times().operators,
+        built: first.operators > 2.0 * fmm.report().build.operators,
         apply,
         parts,
         nodes: fmm.expansion().nodes_per_axis(),

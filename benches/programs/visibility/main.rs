@@ -159,7 +159,8 @@ fn measure(args: &Args, room: &Room, way: Way) -> Result<Row, Box<dyn Error>> {
     let sampled: Vec<usize> = (0..args.samples).map(|k| k * surfels.len() / args.samples).collect();
     let targets: Vec<Surfel> = sampled.iter().map(|&i| surfels[i]).collect();
     let start = Instant::now();
-    let exact = direct_masked(&kernel, &Visibility::new(&occluders), surfels, &radiosity, &targets);
+    let exact = direct_masked(&kernel, &Visibility::new(&occluders), surfels, &radiosity, &targets)
+        .unwrap();
     let direct = start.elapsed().as_secs_f64() * surfels.len() as f64 / targets.len() as f64;
     let band = |values: &dyn Fn(usize) -> Rgb, k: usize| -> Vec<f64> {
         (0..sampled.len()).map(|i| values(i)[k]).collect()
@@ -171,7 +172,7 @@ fn measure(args: &Args, room: &Room, way: Way) -> Result<Row, Box<dyn Error>> {
         return Err(format!("{} elements, {}: error {error:e}", surfels.len(), name(way)).into());
     }
 
-    let (stats, counts) = (fmm.stats(), visibility.counts());
+    let (stats, counts) = (fmm.report().stats, visibility.counts());
     let n = surfels.len() as f64;
     let area = surfels.iter().map(|surfel| surfel.area).sum();
     Ok(Row {

@@ -82,12 +82,6 @@ impl<E: Exponent, T: Real, C: Numbers<Real = T>, O: Output<T, C>> Kernel for Pow
     type Value = O::Value;
     type Entry = T;
 
-    #[inline]
-    fn add(&self, x: &Point<T>, y: &Point<T>, q: &C, u: &mut O::Value) {
-        let (k, gradient) = evaluate::<E, T>(*x, *y);
-        O::add(u, &scaled(k, q), &gradient.map(|component| scaled(component, q)));
-    }
-
     fn add_block(
         &self,
         xs: &[Point<T>],
@@ -107,7 +101,8 @@ impl<E: Exponent, T: Real, C: Numbers<Real = T>, O: Output<T, C>> Kernel for Pow
         if outcome == Outcome::Declined {
             for (x, u) in xs.iter().zip(us) {
                 for (y, q) in ys.iter().zip(qs) {
-                    self.add(x, y, q, u);
+                    let (k, gradient) = evaluate::<E, T>(*x, *y);
+                    O::add(u, &scaled(k, q), &gradient.map(|component| scaled(component, q)));
                 }
             }
         }
@@ -253,7 +248,12 @@ mod tests {
             let mut pairs = vec![Numbers::zero(); xs.len()];
             for (x, u) in xs.iter().zip(&mut pairs) {
                 for (y, q) in ys.iter().zip(&qs) {
-                    kernel.add(x, y, q, u);
+                    let (k, gradient) = evaluate::<E, f64>(*x, *y);
+                    let [a, b, c] = gradient.map(|component| scaled(component, q));
+                    u.accumulate(&PotentialGradient {
+                        potential: scaled(k, q),
+                        gradient: [a, b, c],
+                    });
                 }
             }
             assert!(relative_l2_error(&block, &pairs) < 1e-15);

@@ -96,11 +96,6 @@ impl<T: Real, C: Numbers<Real = T>> Kernel for Irradiance<T, C> {
     type Value = C;
     type Entry = T;
 
-    #[inline(always)]
-    fn add(&self, x: &Surfel<T>, y: &Surfel<T>, q: &C, u: &mut C) {
-        u.add_scaled(self.factor(x, y) * y.area, q);
-    }
-
     fn add_block(
         &self,
         xs: &[Surfel<T>],
