@@ -148,7 +148,7 @@ impl Kind {
         let (kernel, least) = (self.kernel.label(), least_terms(&self.bound, error));
         let label = expansion.label();
         println!(
-            "  {kernel:<16}{label:<36}{knob:>8.0e}{terms:>7} terms{error:>9.1e}  least {least}"
+            "  {kernel:<18}{label:<36}{knob:>8.0e}{terms:>7} terms{error:>9.1e}  least {least}"
         );
         self.points.push(Point { expansion, knob, terms, error });
     }
@@ -187,13 +187,13 @@ fn csv(kinds: &[Kind]) -> String {
 /// The fewest terms of each expansion that keep some errors.
 fn table(kinds: &[Kind]) -> String {
     let mut table = format!(
-        "Terms per cell that keep an error of the far field of one cell, all 316 offsets together\n\n{:<16}{:<36}",
+        "Terms per cell that keep an error of the far field of one cell, all 316 offsets together\n\n{:<18}{:<36}",
         "kernel", ""
     );
     ERRORS.iter().for_each(|error| table.push_str(&format!("{error:>8.0e}")));
     for kind in kinds {
         let mut line = |label: &str, terms: &dyn Fn(f64) -> Option<usize>| {
-            let _ = write!(table, "\n{:<16}{label:<36}", kind.kernel.label());
+            let _ = write!(table, "\n{:<18}{label:<36}", kind.kernel.label());
             for error in ERRORS {
                 let terms = terms(error).map_or("–".into(), |terms| terms.to_string());
                 let _ = write!(table, "{terms:>8}");
