@@ -74,6 +74,8 @@ pub use kernel::mask::{CellView, Coverage, Mask, Unmasked, direct_masked};
 pub use kernel::traits::{Kernel, Outcome};
 pub use kernel::with_gradient::WithGradient;
 pub use numbers::number::{Coordinates, Number};
+#[cfg(feature = "ndarray")]
+pub use numbers::rows::rows_as_points;
 pub use numbers::traits::{Located, Numbers, Point, Real, Scalar, Vector};
 pub use octree::geometry::{Cell, Cube, MAX_LEVEL};
 pub use plan::Scheme;

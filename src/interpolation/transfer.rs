@@ -372,7 +372,7 @@ mod tests {
             for &offset in &offsets {
                 let mut alone = vec![0.0; m.len()];
                 assert!(transfers.add(offset, 2.0, &m, &mut alone));
-                let cell = |at: [i32; 3]| Cell::new(&root, 4, at.map(|x| x as u32));
+                let cell = |at: [i32; 3]| Cell::new(&root, 4, at.map(|x| x as u64));
                 let pairs = LevelPairs {
                     weight: 1.0,
                     level: 4,

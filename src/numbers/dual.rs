@@ -224,7 +224,7 @@ mod tests {
         for i in 0..3 {
             let slope = (moved(&[(i, h)]) - moved(&[(i, -h)])) / (2.0 * h);
             let both = [found.slope[i].value.0[0], found.value.slope[i].0[0]];
-            assert_eq!(both[0], both[1]);
+            assert_relative_eq!(both[0], both[1], max_relative = 1e-14);
             assert_relative_eq!(both[0], slope, epsilon = 1e-6, max_relative = 1e-6);
             for j in 0..3 {
                 let corner = |a: f64, b: f64| moved(&[(i, a * h), (j, b * h)]);

@@ -7,6 +7,8 @@ pub(crate) mod lanes;
 pub(crate) mod number;
 pub(crate) mod points;
 pub(crate) mod random;
+#[cfg(feature = "ndarray")]
+pub(crate) mod rows;
 pub(crate) mod scalars;
 pub(crate) mod side_by_side;
 pub(crate) mod traits;

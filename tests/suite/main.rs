@@ -12,6 +12,7 @@ mod lists;
 mod moments;
 mod radiosity;
 mod translation_theorems;
+mod written_once;
 
 use farfield::{FnKernel, from_fn};
 use glam::{DVec3, Vec3};
