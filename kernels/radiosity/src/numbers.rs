@@ -4,12 +4,13 @@ use farfield::Real;
 
 /// ‖x‖₂, also where the squares would overflow or vanish; NaN if some number is.
 pub(crate) fn norm(numbers: impl Iterator<Item = f64> + Clone) -> f64 {
-    let largest = numbers.clone().fold(0.0, |largest: f64, x| largest.max(x.abs()));
-    if largest == 0.0 {
-        // Zeros and NaNs only.
-        return numbers.sum();
+    let squares: f64 = numbers.clone().map(|x| x * x).sum();
+    // Then no square that matters has overflowed or lost digits.
+    if (1e-280..1e280).contains(&squares) {
+        return squares.sqrt();
     }
-    numbers.map(|x| (x / largest).powi(2)).sum::<f64>().sqrt() * largest
+    let unit = unit_of_size(numbers.clone().map(f64::abs));
+    numbers.map(|x| (unit * x).powi(2)).sum::<f64>().sqrt() / unit
 }
 
 /// ‖a‖ / ‖b‖ over all numbers, 0 if a is zero.
@@ -19,8 +20,9 @@ pub(crate) fn relative<T: Real, const BANDS: usize>(a: &[[T; BANDS]], b: &[[T; B
     if above == 0.0 { 0.0 } else { above / all(b) }
 }
 
-/// 2ⁿ with 2ⁿ times the largest number in [1, 2), as far as 2ⁿ is a normal number; 1 if all are zero.
-pub(crate) fn power_of_two_under(numbers: impl Iterator<Item = f64>) -> f64 {
+/// The power of two that brings the largest of some numbers, none negative, into [1, 2), as far as it is a
+/// normal number itself; 1 if all are zero.
+pub(crate) fn unit_of_size(numbers: impl Iterator<Item = f64>) -> f64 {
     let largest = numbers.fold(0.0, f64::max);
     if largest > 0.0 { (-largest.log2().floor()).clamp(-1022.0, 1023.0).exp2() } else { 1.0 }
 }

@@ -4,7 +4,7 @@ use farfield::Real;
 
 use crate::elements::{Surfel, check_surfels};
 use crate::error::{Error, check_length};
-use crate::numbers::power_of_two_under;
+use crate::numbers::unit_of_size;
 use crate::solvers::floor::floor;
 use crate::solvers::residual::{add, checked, relative_residual, residuals, units};
 use crate::solvers::solution::{Solution, Stop, check};
@@ -40,7 +40,7 @@ pub fn conjugate_gradients<T: Real, const BANDS: usize, E: Into<Error>, R: Repor
     check_length("emission", emission.len(), surfels.len())?;
     let mut gather = checked(gather);
     let units = units(emission);
-    let unit_area = power_of_two_under(surfels.iter().map(|surfel| surfel.area.as_f64()));
+    let unit_area = unit_of_size(surfels.iter().map(|surfel| surfel.area.as_f64()));
     // ⟨a, b⟩ = Σ A/ρ a b, band by band; without reflectance, both are 0. In units of the largest area and
     // emission: quotients of such products are the same in all units.
     let product = |a: &[[T; BANDS]], b: &[[T; BANDS]]| -> [f64; BANDS] {

@@ -3,7 +3,7 @@
 use farfield::Real;
 
 use crate::error::{Error, check_length};
-use crate::numbers::{norm, power_of_two_under};
+use crate::numbers::{norm, unit_of_size};
 
 /// `gather` with a check of the length of what it returns.
 pub(crate) fn checked<T: Real, const BANDS: usize, E: Into<Error>>(
@@ -45,7 +45,7 @@ pub(crate) fn relative_residual<T: Real, const BANDS: usize>(
 /// A power of two for each band that brings emissions, multiplied by it, to about 1, or as near as
 /// powers of two get. Products of numbers in these units neither overflow nor vanish.
 pub(crate) fn units<T: Real, const BANDS: usize>(emission: &[[T; BANDS]]) -> [f64; BANDS] {
-    std::array::from_fn(|k| power_of_two_under(emission.iter().map(|e| e[k].as_f64())))
+    std::array::from_fn(|k| unit_of_size(emission.iter().map(|e| e[k].as_f64())))
 }
 
 pub(crate) fn add<T: Real, const BANDS: usize>(sum: &mut [T; BANDS], term: &[T; BANDS]) {

@@ -4,7 +4,7 @@ use farfield::Real;
 
 use crate::elements::Surfel;
 use crate::error::{Error, check_length};
-use crate::numbers::power_of_two_under;
+use crate::numbers::unit_of_size;
 use crate::solvers::floor::floor_of_numbers;
 use crate::solvers::residual::{add, relative_residual, residuals, units};
 use crate::solvers::solution::{Solution, Stop, check};
@@ -36,7 +36,7 @@ pub fn southwell<T: Real, const BANDS: usize, E: Into<Error>, R: Report>(
     check_length("emission", emission.len(), surfels.len())?;
     let mut watch = Watch::of_steps(stop, progress, surfels.len());
     let units = units(emission);
-    let unit_area = power_of_two_under(surfels.iter().map(|surfel| surfel.area.as_f64()));
+    let unit_area = unit_of_size(surfels.iter().map(|surfel| surfel.area.as_f64()));
     let mut unshot = emission.to_vec();
     let mut radiosity = vec![[T::from_f64(0.0); BANDS]; surfels.len()];
     let mut irradiance = radiosity.clone();
