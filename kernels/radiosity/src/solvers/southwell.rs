@@ -23,7 +23,7 @@ use crate::solvers::watch::{Report, Watch};
 /// it is computed anew as E + ρ H − B. What rounding had hidden is then shot as well.
 ///
 /// # Errors
-/// Those of [`jacobi`].
+/// Those of [`jacobi`](crate::jacobi).
 pub fn southwell<T: Real, const BANDS: usize, E: Into<Error>, R: Report>(
     surfels: &[Surfel<T>],
     emission: &[[T; BANDS]],
