@@ -174,7 +174,10 @@ fn chosen() -> Result<Arch, &'static UnknownDispatchLevel> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{Error, Fmm, from_fn};
+    use glam::DVec3;
     use pulp::Simd;
+    use std::process::Command;
 
     /// How many numbers of single precision a register holds.
     struct Width;
@@ -213,15 +216,46 @@ mod tests {
         }
     }
 
+    /// Also run by [`the_environment_caps_the_level_and_has_to_name_one`], with every cap.
     #[test]
     fn loops_run_at_the_level_in_force() {
+        let width = dispatch(Width);
         let level = DispatchLevel::in_force().unwrap();
-        assert!(DispatchLevel::available().any(|has| has == level));
-        assert_eq!(dispatch(Width), level.run(Width));
-        if let Ok(cap) = std::env::var(VARIABLE) {
-            assert!(level <= cap.parse().unwrap());
-        } else {
-            assert_eq!(Some(level), DispatchLevel::available().last());
+        assert_eq!(width, level.run(Width));
+        let cap =
+            std::env::var(VARIABLE).map_or(DispatchLevel::Avx512, |name| name.parse().unwrap());
+        assert_eq!(Some(level), DispatchLevel::available().filter(|&has| has <= cap).last());
+    }
+
+    /// Also run by [`the_environment_caps_the_level_and_has_to_name_one`], with what is no level.
+    #[test]
+    fn plans_are_refused_where_the_level_is_unknown() {
+        let kernel = from_fn(|x: DVec3, y: DVec3| x.distance(y));
+        let built = Fmm::builder(kernel).build(&[DVec3::ZERO], &[DVec3::ONE]);
+        assert_eq!(built.err(), DispatchLevel::in_force().err().map(Error::from));
+    }
+
+    /// The variable is read once in a process, so each value is tried in a process of its own.
+    #[test]
+    fn the_environment_caps_the_level_and_has_to_name_one() {
+        let run = |test: &str, cap: &str| {
+            let (_, module) = module_path!().split_once("::").unwrap();
+            let this = std::env::current_exe().unwrap();
+            let test = format!("{module}::{test}");
+            let output = Command::new(this).args(["--exact", &test]).env(VARIABLE, cap).output();
+            let output = output.unwrap();
+            let text = String::from_utf8_lossy(&output.stdout).into_owned();
+            assert!(text.contains("running 1 test"), "{text}");
+            (output.status.success(), text)
+        };
+        for level in DispatchLevel::ALL {
+            let (runs, text) = run("loops_run_at_the_level_in_force", &level.to_string());
+            assert!(runs, "{text}");
         }
+        let (runs, text) = run("loops_run_at_the_level_in_force", "sse9");
+        let message = UnknownDispatchLevel { found: "sse9".into() }.to_string();
+        assert!(!runs && text.contains(&message), "{text}");
+        let (runs, text) = run("plans_are_refused_where_the_level_is_unknown", "sse9");
+        assert!(runs, "{text}");
     }
 }

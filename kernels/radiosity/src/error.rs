@@ -183,3 +183,8 @@ impl From<Infallible> for Error {
         match never {}
     }
 }
+
+/// Whether an input has one entry for each surfel.
+pub(crate) fn check_length(what: &'static str, found: usize, expected: usize) -> Result<(), Error> {
+    if found == expected { Ok(()) } else { Err(Error::LengthMismatch { what, expected, found }) }
+}
