@@ -12,14 +12,12 @@ mod clouds;
 
 mod bit_patterns;
 mod cancellation;
-mod damage;
 mod expansions;
 mod geometry;
 mod interpolation;
 mod kernels;
 mod properties;
 mod radiosity;
-mod readers;
 mod repeatability;
 mod table;
 

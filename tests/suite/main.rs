@@ -3,7 +3,6 @@
 mod certificate;
 mod choice;
 mod clouds;
-mod command_line;
 mod engine;
 mod estimate;
 mod extension;

@@ -1,0 +1,4 @@
+//! What the tests and the benchmarks share: point clouds, seeded random numbers and kernels.
+
+pub mod clouds;
+pub mod damage;
