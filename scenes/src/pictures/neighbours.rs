@@ -1,65 +1,34 @@
 //! Points of different reach, found from any place.
 
-use std::collections::HashMap;
+use glam::DVec3;
+use rstar::RTree;
+use rstar::primitives::{GeomWithData, Rectangle};
 
-use glam::{DVec3, I64Vec3};
-
-/// Points that each reach some way around themselves, in uniform grids: one for each power of two
-/// that reaches lie between, so that a few large ones don't make the cells of all others large.
+/// Points that each reach some way around themselves: boxes in an R-tree.
 #[derive(Clone, Debug)]
 pub(crate) struct Neighbours {
-    levels: Vec<Level>,
-}
-
-/// The points of about one reach.
-#[derive(Clone, Debug)]
-struct Level {
-    /// Edge of a cell; no point of the level reaches further.
-    edge: f64,
-    /// Indices of the points in each cell that isn't empty.
-    cells: HashMap<I64Vec3, Vec<u32>>,
+    boxes: RTree<GeomWithData<Rectangle<[f64; 3]>, u32>>,
 }
 
 impl Neighbours {
     /// Points with their reaches. A point that reaches nowhere, or isn't finite, is never found.
     pub(crate) fn new(points: impl Iterator<Item = (DVec3, f64)>) -> Self {
-        let mut levels: HashMap<i32, Level> = HashMap::new();
-        for (index, (position, reach)) in points.enumerate() {
-            if !(position.is_finite() && reach.is_normal() && reach > 0.0) {
-                continue;
-            }
-            let exponent = reach.log2().ceil() as i32;
-            let level = levels.entry(exponent).or_insert_with(|| Level {
-                edge: f64::from(exponent).exp2(),
-                cells: HashMap::new(),
-            });
-            level.cells.entry(level.cell(position)).or_default().push(index as u32);
-        }
-        let mut levels: Vec<_> = levels.into_values().collect();
-        // The order in which neighbours are met decides how sums are rounded.
-        levels.sort_unstable_by(|a, b| a.edge.total_cmp(&b.edge));
-        Self { levels }
+        let known = points.zip(0..).filter(|((position, reach), _)| {
+            position.is_finite() && reach.is_normal() && *reach > 0.0
+        });
+        let reached = known.map(|((position, reach), index)| {
+            let corners = [position - reach, position + reach].map(|corner| corner.to_array());
+            GeomWithData::new(Rectangle::from_corners(corners[0], corners[1]), index)
+        });
+        Self { boxes: RTree::bulk_load(reached.collect()) }
     }
 
     /// Calls `found` with the index of every point that reaches `position`, and of others near it,
     /// always in the same order.
     pub(crate) fn around(&self, position: DVec3, mut found: impl FnMut(usize)) {
-        for level in &self.levels {
-            let centre = level.cell(position);
-            for k in 0..27 {
-                let offset = I64Vec3::new(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1);
-                for &index in level.cells.get(&(centre + offset)).into_iter().flatten() {
-                    found(index as usize);
-                }
-            }
+        for reached in self.boxes.locate_all_at_point(position.to_array()) {
+            found(reached.data as usize);
         }
-    }
-}
-
-impl Level {
-    fn cell(&self, position: DVec3) -> I64Vec3 {
-        // Far beyond any cell that a double tells from its neighbours, and no overflow in `around`.
-        (position / self.edge).floor().clamp(DVec3::splat(-1e18), DVec3::splat(1e18)).as_i64vec3()
     }
 }
 
