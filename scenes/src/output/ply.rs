@@ -1,6 +1,11 @@
-//! A mesh as text in the Stanford polygon format.
+//! A mesh as text in the Polygon File Format (PLY).
 
 use std::io::{self, Write};
+
+use ply_rs_bw::ply::{
+    Addable, ElementDef, Header, PropertyAccess, PropertyDef, PropertyType, ScalarType,
+};
+use ply_rs_bw::writer::Writer;
 
 use crate::cutting::fields::{Fields, Row};
 use crate::cutting::mesh::Mesh;
@@ -24,75 +29,142 @@ pub(crate) fn write(
         let message = format!("{} colours for {} elements", codes.len(), mesh.elements.len());
         return Err(io::Error::new(io::ErrorKind::InvalidInput, message));
     }
-    let only_points = mesh.elements.iter().all(|element| element.as_patch().is_none());
-    let outlines = || mesh.elements.iter().map(outline);
-    let vertices = if only_points {
-        mesh.elements.len()
-    } else {
-        outlines().map(|corners| corners.len()).sum()
-    };
-    writeln!(file, "ply\nformat ascii 1.0\nelement vertex {vertices}")?;
-    properties(file, "double", ["x", "y", "z"])?;
-    if only_points {
-        properties(file, "double", ["nx", "ny", "nz"])?;
-    }
-    properties(file, "uchar", ["red", "green", "blue"])?;
-    if !only_points {
-        writeln!(file, "element face {}", mesh.elements.len())?;
-        writeln!(file, "property list uchar uint vertex_indices")?;
-    }
-    scalar_properties(file, fields.bands)?;
-    writeln!(file, "end_header")?;
-    if only_points {
-        for (row, [r, g, b]) in rows.zip(codes) {
+    if mesh.elements.iter().all(|element| element.as_patch().is_none()) {
+        let mut points = element("vertex", rows.len());
+        add(&mut points, ScalarType::Double, ["x", "y", "z", "nx", "ny", "nz"]);
+        add(&mut points, ScalarType::UChar, COLOURS);
+        add_scalars(&mut points, fields.bands);
+        let file = &mut begin(file, [&points])?;
+        for (row, code) in rows.zip(codes) {
             let surfel = row.element.surfel();
-            let (p, n) = (surfel.position, surfel.normal);
-            write!(file, "{:?} {:?} {:?} {:?} {:?} {:?}", p.x, p.y, p.z, n.x, n.y, n.z)?;
-            write!(file, " {r} {g} {b}")?;
-            scalars(file, &row)?;
+            let place = [surfel.position, surfel.normal].map(|p| p.to_array()).into_iter();
+            let code = code.map(f64::from);
+            let numbers = place.flatten().chain(code).chain(scalars(&row)).collect();
+            file.line(&points, numbers, Vec::new())?;
         }
         return Ok(());
     }
-    for (corners, [r, g, b]) in outlines().zip(codes) {
-        for p in corners {
-            writeln!(file, "{:?} {:?} {:?} {r} {g} {b}", p.x, p.y, p.z)?;
+
+    let outlines = || mesh.elements.iter().map(outline);
+    let mut vertices = element("vertex", outlines().map(|corners| corners.len()).sum());
+    add(&mut vertices, ScalarType::Double, ["x", "y", "z"]);
+    add(&mut vertices, ScalarType::UChar, COLOURS);
+    let mut faces = element("face", mesh.elements.len());
+    let list = PropertyType::List(ScalarType::UChar, ScalarType::UInt);
+    faces.properties.add(PropertyDef::new("vertex_indices".to_owned(), list));
+    add_scalars(&mut faces, fields.bands);
+    let file = &mut begin(file, [&vertices, &faces])?;
+    for (corners, code) in outlines().zip(codes) {
+        for corner in corners {
+            let numbers = corner.to_array().into_iter().chain(code.map(f64::from)).collect();
+            file.line(&vertices, numbers, Vec::new())?;
         }
     }
     let mut first = 0;
     for (row, corners) in rows.zip(outlines()) {
-        write!(file, "{}", corners.len())?;
-        (first..first + corners.len()).try_for_each(|vertex| write!(file, " {vertex}"))?;
-        first += corners.len();
-        scalars(file, &row)?;
+        let next = first + corners.len() as u32;
+        // The list has no number of its own.
+        let numbers = std::iter::once(0.0).chain(scalars(&row)).collect();
+        file.line(&faces, numbers, (first..next).collect())?;
+        first = next;
     }
     Ok(())
 }
 
-fn properties<const N: usize>(
-    file: &mut impl Write,
-    kind: &str,
-    names: [&str; N],
-) -> io::Result<()> {
-    names.iter().try_for_each(|name| writeln!(file, "property {kind} {name}"))
+const COLOURS: [&str; 3] = ["red", "green", "blue"];
+
+/// The definition of `count` elements without properties.
+fn element(name: &str, count: usize) -> ElementDef {
+    ElementDef { count, ..ElementDef::new(name.to_owned()) }
 }
 
-/// The names of [`scalars`].
-fn scalar_properties(file: &mut impl Write, bands: usize) -> io::Result<()> {
-    properties(file, "double", ["area", "row_sum"])?;
-    properties(file, "uint", ["material"])?;
+fn add<const N: usize>(element: &mut ElementDef, scalar: ScalarType, names: [&str; N]) {
+    for name in names {
+        let kind = PropertyType::Scalar(scalar.clone());
+        element.properties.add(PropertyDef::new(name.to_owned(), kind));
+    }
+}
+
+/// The definitions of [`scalars`].
+fn add_scalars(element: &mut ElementDef, bands: usize) {
+    add(element, ScalarType::Double, ["area", "row_sum"]);
+    add(element, ScalarType::UInt, ["material"]);
     for name in ["radiosity", "emission", "irradiance"] {
-        (0..bands).try_for_each(|band| writeln!(file, "property double {name}_{band}"))?;
+        (0..bands).for_each(|k| add(element, ScalarType::Double, [&format!("{name}_{k}")]));
     }
-    Ok(())
 }
 
-/// The rest of an element's line.
-fn scalars(file: &mut impl Write, row: &Row) -> io::Result<()> {
-    write!(file, " {:?} {:?} {}", row.element.surfel().area, row.row_sum, row.material)?;
-    for field in [row.radiosity, row.emission, row.irradiance] {
-        field.iter().try_for_each(|number| write!(file, " {number:?}"))?;
+/// The numbers that belong to an element as a whole.
+fn scalars<'a>(row: &Row<'a>) -> impl Iterator<Item = f64> + use<'a> {
+    let own = [row.element.surfel().area, row.row_sum, f64::from(row.material)];
+    let bands = [row.radiosity, row.emission, row.irradiance];
+    own.into_iter().chain(bands.into_iter().flatten().copied())
+}
+
+/// A file whose header is written.
+struct Body<'a, W> {
+    file: &'a mut W,
+    writer: Writer<Record<'a>>,
+}
+
+fn begin<'a, W: Write, const N: usize>(
+    file: &'a mut W,
+    elements: [&ElementDef; N],
+) -> io::Result<Body<'a, W>> {
+    let mut header = Header::new();
+    elements.into_iter().for_each(|element| header.elements.add(element.clone()));
+    let writer = Writer::new();
+    writer.write_header(file, &header)?;
+    Ok(Body { file, writer })
+}
+
+impl<'a, W: Write> Body<'a, W> {
+    /// Writes the numbers of one element, in the order of its properties.
+    fn line(
+        &mut self,
+        element: &'a ElementDef,
+        numbers: Vec<f64>,
+        corners: Vec<u32>,
+    ) -> io::Result<()> {
+        let record = Record { element: Some(element), numbers, corners };
+        self.writer.write_ascii_element(self.file, &record, element).map(drop)
     }
-    writeln!(file)
+}
+
+/// One element as its writer asks for it.
+#[derive(Default)]
+struct Record<'a> {
+    element: Option<&'a ElementDef>,
+    numbers: Vec<f64>,
+    corners: Vec<u32>,
+}
+
+impl Record<'_> {
+    fn number(&self, name: &str) -> Option<f64> {
+        self.numbers.get(self.element?.properties.get_index_of(name)?).copied()
+    }
+}
+
+impl PropertyAccess for Record<'_> {
+    fn new() -> Self {
+        Self::default()
+    }
+
+    fn get_uchar(&self, name: &str) -> Option<u8> {
+        self.number(name).map(|number| number as u8)
+    }
+
+    fn get_uint(&self, name: &str) -> Option<u32> {
+        self.number(name).map(|number| number as u32)
+    }
+
+    fn get_double(&self, name: &str) -> Option<f64> {
+        self.number(name)
+    }
+
+    fn get_list_uint(&self, _: &str) -> Option<&[u32]> {
+        Some(&self.corners)
+    }
 }
 
 #[cfg(test)]
