@@ -1,4 +1,4 @@
-//! What a run finds out about the elements of a mesh.
+//! Fields on a mesh: one number per element and band.
 
 use std::io;
 
@@ -6,7 +6,8 @@ use farfield_radiosity::Element;
 
 use crate::cutting::mesh::Mesh;
 
-/// Numbers for every element, and for every band of each: those of one element after each other.
+/// Fields on a mesh, as files and pictures show them. All bands of the first element come first, then
+/// those of the second, and so on.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Fields {
     /// Number of bands.

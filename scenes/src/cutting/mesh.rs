@@ -38,8 +38,9 @@ impl Mesh {
         Self::with_cuts(scene, &even_cuts(scene, elements)?)
     }
 
-    /// A scene whose surfaces are cut as given, see [`pieces`]. First come the elements of surfaces,
-    /// the backs of one, if it is two-sided, after its fronts in the same order; then those of points.
+    /// A scene whose surfaces are cut as given: quadrilaterals into grids, triangles into rows of similar
+    /// ones. First come the elements of surfaces, the backs of one, if it is two-sided, after its fronts
+    /// in the same order; then those of points.
     ///
     /// # Errors
     /// [`SceneError::Cuts`] unless there is one entry of positive numbers for each surface,

@@ -5,7 +5,7 @@ use farfield_radiosity::Surfel;
 use crate::cutting::mesh::Mesh;
 use crate::scene::{Quantity, Scene};
 
-/// What every element emits and reflects, for as many bands as the sum takes at once.
+/// What every element emits and reflects, in as many bands as are solved for at once.
 #[derive(Clone, Debug)]
 pub struct Optics<const BANDS: usize> {
     /// Emitted exitance E \[W/m²\] of each element.
@@ -15,8 +15,8 @@ pub struct Optics<const BANDS: usize> {
 }
 
 impl<const BANDS: usize> Optics<BANDS> {
-    /// The bands from `first` on, of `bands` in all; what is beyond them is black. One band of several is
-    /// their mean.
+    /// The bands from number `first` on. `bands` is how many are solved for in all: a single one is the
+    /// mean of all that the scene has. Bands beyond the last are black.
     pub fn new(scene: &Scene, mesh: &Mesh, quantity: Quantity, bands: usize, first: usize) -> Self {
         let taken = |values: &[f64]| -> [f64; BANDS] {
             if bands == 1 && values.len() > 1 {

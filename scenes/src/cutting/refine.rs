@@ -20,8 +20,9 @@ const MOST_ASPECT: f64 = 2.0;
 const STEP: f64 = 4.0;
 
 impl Refinement {
-    /// What it takes for constants on the elements of a mesh with these `cuts` to be off from `values` (any number of bands per
-    /// element, all in a row) by the relative l2 error `tolerance`, in `most` elements.
+    /// The cuts that bring the error of one constant per element down to `tolerance`, with at most about
+    /// `most` elements. `mesh` is the scene with the present `cuts`, and `values` is a field on it: any
+    /// number of bands per element, the elements one after the other.
     ///
     /// On a piece of edges a and b, the field is off its mean by ((a ∂_u f)² + (b ∂_v f)²)/12 in the mean
     /// square. The slopes are differences of neighbours. With c that error of a surface at one piece,

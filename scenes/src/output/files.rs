@@ -23,8 +23,8 @@ impl OutputError {
     }
 }
 
-/// Files of one folder that appear together: [`publish`](Self::publish) gives them their names, and
-/// without it none is left behind.
+/// Files that appear in a folder together or not at all. They are written under temporary names, until
+/// [`publish`](Self::publish) gives them their own; if it is never called, they are removed.
 #[derive(Debug)]
 pub struct Output {
     folder: PathBuf,
@@ -33,7 +33,10 @@ pub struct Output {
 }
 
 impl Output {
-    /// Makes the folder if need be and checks that files can be written there.
+    /// Makes the folder if need be, and checks that files can be written there.
+    ///
+    /// # Errors
+    /// Those of the system, with the folder.
     pub fn new(folder: &Path) -> Result<Self, OutputError> {
         let failed = |source| OutputError { path: folder.to_owned(), source };
         fs::create_dir_all(folder).map_err(failed)?;

@@ -42,7 +42,7 @@ impl Table {
     /// The numbers of a mesh and of fields on it.
     ///
     /// # Errors
-    /// Those of [`Fields::rows`].
+    /// [`io::ErrorKind::InvalidInput`] unless there are as many numbers as the elements need.
     pub fn new(mesh: &Mesh, fields: &Fields) -> io::Result<Self> {
         let rows = fields.rows(mesh)?;
         let numbers = rows.flat_map(|row| numbers(&row).collect::<Vec<_>>()).collect();
