@@ -12,6 +12,7 @@ mod check;
 mod exr;
 mod factors;
 mod failure;
+mod figures;
 mod gather;
 mod interrupt;
 mod npy;

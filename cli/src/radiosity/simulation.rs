@@ -4,8 +4,7 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 
 use farfield_radiosity::{
-    Closure, Corrections, Enclosure, Occluders, PairCounts, RadiosityOperator, Surfel, Visibility,
-    Zones,
+    Closure, Corrections, Enclosure, Occluders, RadiosityOperator, Surfel, Visibility,
 };
 use farfield_scenes::{
     Cuts, Fields, Mesh, Optics, Output, OutputError, Picture, Refinement, Scene, Table,
@@ -16,13 +15,13 @@ use super::args::{Args, ExpansionName, QuantityName, SchemeName, SolverName, Vis
 use super::balance::{RowSums, energy_residual};
 use super::check::Check;
 use super::failure::Failure;
+use super::figures::Figures;
 use super::gather::{Gather, Method};
 use super::interrupt::Interrupt;
 use super::progress::Progress;
 use super::report::{Pairs, Report};
 use super::solve::Exchange;
 use super::{exr, factors, npy};
-use crate::memory::peak_memory_bytes;
 
 /// Elements at which the gathered light is held against direct summation.
 const SAMPLES: usize = 1000;
@@ -272,7 +271,7 @@ impl Run<'_> {
             sums,
             element_error: refinement.error,
         };
-        let mut report = self.report(&figures);
+        let mut report = figures.report(args, &scene.repairs, [bands, count], progress);
         report.repairs.extend(picture.repair.clone());
         report.files = self.write(output, &picture, &fields)?;
         report.phases = progress.seconds();
@@ -306,70 +305,6 @@ impl Run<'_> {
             "elements.npy",
         ])
     }
-
-    fn report(&self, figures: &Figures) -> Report {
-        let Self { args, scene, bands, mesh, progress, .. } = *self;
-        let seconds = progress.seconds();
-        let of = |phases: &[&str]| phases.iter().filter_map(|phase| seconds.get(phase)).sum();
-        let Figures { check, .. } = figures;
-        Report {
-            scene: args.scene.clone(),
-            scheme: args.scheme,
-            expansion: args.expansion,
-            solver: args.solver,
-            quantity: args.quantity,
-            bands,
-            visibility: args.visibility,
-            occlusion: args.visibility != VisibilityName::None,
-            threads: rayon::current_num_threads(),
-            tolerance: args.sum_tolerance(),
-            elements: mesh.elements.len(),
-            surfels: mesh.elements.len(),
-            element_error: figures.element_error,
-            adaptive: args.is_adaptive(),
-            pairs: figures.pairs,
-            rays: figures.counts.rays,
-            near_pairs: figures.zones.into(),
-            visibility_uncertainty: figures.uncertainty,
-            row_sum: figures.row_sums,
-            reciprocity_error: figures.reciprocity_error,
-            closure_correction: figures.closure.largest,
-            closure_rms: figures.closure.rms,
-            plan_s: of(&["planning", "near pairs"]),
-            solve_s: of(&["solving"]),
-            direct_s: check.visibility_s + figures.sums as f64 * check.sum_s,
-            iterations: figures.iterations,
-            residual: figures.residual,
-            interrupted: figures.interrupted,
-            energy_residual: figures.energy,
-            relative_l2_error: figures.error,
-            sampled_surfels: check.sampled,
-            peak_memory_bytes: peak_memory_bytes(),
-            phases: seconds,
-            repairs: scene.repairs.clone(),
-            files: Vec::new(),
-        }
-    }
-}
-
-/// What a run on one mesh measured.
-struct Figures {
-    pairs: Pairs,
-    counts: PairCounts,
-    zones: Zones,
-    row_sums: RowSums,
-    reciprocity_error: f64,
-    closure: Closure,
-    uncertainty: f64,
-    iterations: usize,
-    residual: f64,
-    interrupted: bool,
-    energy: f64,
-    error: f64,
-    check: Check,
-    /// Sums over all pairs that the solution took.
-    sums: usize,
-    element_error: f64,
 }
 
 #[cfg(test)]
