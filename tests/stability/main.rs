@@ -9,14 +9,12 @@
 
 mod bit_patterns;
 mod cancellation;
-mod damage;
 mod expansions;
 mod geometry;
 mod interpolation;
 mod kernels;
 mod properties;
 mod radiosity;
-mod readers;
 mod repeatability;
 mod table;
 

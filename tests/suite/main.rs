@@ -2,7 +2,6 @@
 
 mod certificate;
 mod choice;
-mod command_line;
 mod engine;
 mod estimate;
 mod extension;
