@@ -46,9 +46,9 @@ fn double_loop<K: Kernel>(
     qs: &[K::Charge],
     us: &mut [K::Value],
 ) {
-    for (x, u) in xs.iter().zip(us) {
-        for (y, q) in ys.iter().zip(qs) {
-            kernel.add(x, y, q, u);
+    for (x, u) in xs.chunks(1).zip(us.chunks_mut(1)) {
+        for (y, q) in ys.chunks(1).zip(qs.chunks(1)) {
+            kernel.add_block(x, y, q, 0.0, u);
         }
     }
 }

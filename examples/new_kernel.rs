@@ -7,8 +7,8 @@
 //! cargo run --release --example new_kernel
 //! ```
 
+use farfield::glam::DVec3;
 use farfield::{Fmm, Kernel, Located, direct, from_fn, relative_l2_error};
-use glam::DVec3;
 
 const POINTS: usize = 5_000;
 const TOLERANCE: f64 = 1e-4;

@@ -31,7 +31,7 @@ fn one_line_is_a_kernel() {
     assert!(fmm.report().stats.expansion_pairs > 0);
     assert!(relative_l2_error(&fmm.apply(&charges).unwrap(), &exact) < 1e-5);
     // The same formula in single precision.
-    let single: Vec<Vec3> = points.iter().map(DVec3::as_vec3).collect();
+    let single: Vec<Vec3> = points.iter().map(|p| p.as_vec3()).collect();
     let numbers: Vec<f32> = charges.iter().map(|&q| q as f32).collect();
     let kernel = formula!(|d; kappa| (-d.length() * kappa).exp() / d.length()).skip_coincident();
     let sums = direct(&kernel, &single, &numbers, &single).unwrap();

@@ -203,19 +203,9 @@ pub(crate) fn methods(
 type At<'a> = (&'a [DVec3], usize);
 
 /// A kernel whose sums this example can make, over points that it can make.
-trait Summed<P: Placed>:
-    Kernel<Source = P, Target = P, Charge: Columns<Self::Real>, Value: Columns<Self::Real>>
-    + Copy
-    + 'static
-{
-}
+trait Summed<P: Placed>: Kernel<Source = P, Target = P> + Copy + 'static {}
 
-impl<P: Placed, K> Summed<P> for K where
-    K: Kernel<Source = P, Target = P, Charge: Columns<K::Real>, Value: Columns<K::Real>>
-        + Copy
-        + 'static
-{
-}
+impl<P: Placed, K> Summed<P> for K where K: Kernel<Source = P, Target = P> + Copy + 'static {}
 
 fn problem<P, K, J>(kernel: K, judge: &J, (cloud, samples): At) -> Rc<Problem<K>>
 where

@@ -49,7 +49,7 @@ where
     pub(crate) fn new(kernel: K, sampling: Sampling) -> Self {
         let half_width = 1.0;
         let root = Cube::new(DVec3::ZERO, half_width * f64::from(1u32 << LEVEL));
-        let cell = |offset: [i32; 3]| Cell::new(&root, LEVEL, offset.map(|o| (CENTRE + o) as u32));
+        let cell = |offset: [i32; 3]| Cell::new(&root, LEVEL, offset.map(|o| (CENTRE + o) as u64));
         let [(from, source_weights), (to, target_weights)] =
             sampling.nodes.map(|nodes| grid(nodes, sampling.copies));
         let inside = |cell: &Cell<f64>, nodes: &[DVec3], first: usize| -> Vec<P> {
@@ -119,9 +119,11 @@ where
         let targets: Vec<&P> = self.targets.iter().flat_map(|(_, points)| points).collect();
         let map = Mat::from_fn(targets.len(), self.sources.len(), |i, j| {
             let weight = self.target_weights[i % self.target_weights.len()];
-            let mut value = 0.0;
-            self.kernel.add(targets[i], &self.sources[j], &self.source_weights[j], &mut value);
-            weight * value
+            let mut value = [0.0];
+            let x = std::slice::from_ref(targets[i]);
+            let (y, q) = (&self.sources[j..=j], &self.source_weights[j..=j]);
+            self.kernel.add_block(x, y, q, 0.0, &mut value);
+            weight * value[0]
         });
         // A tall matrix has the singular values of its triangular factor.
         let singular = map.qr().thin_R().to_owned().singular_values().ok()?;

@@ -19,18 +19,18 @@ pub(crate) fn charges<T: Real, C: Numbers<Real = T>>(numbers: &[f64]) -> Vec<C> 
     let charge = |numbers: &[f64]| {
         let mut charge = C::zero();
         for (i, &number) in numbers.iter().enumerate() {
-            charge.set_column(i, T::from_f64(number));
+            charge.set(i, T::from_f64(number));
         }
         charge
     };
-    numbers.chunks_exact(C::WIDTH).map(charge).collect()
+    numbers.chunks_exact(C::LEN).map(charge).collect()
 }
 
 /// The numbers in charges or values.
 pub(crate) fn numbers<'a, T: Real, C: Numbers<Real = T>>(
     of: impl IntoIterator<Item = &'a C>,
 ) -> Vec<f64> {
-    of.into_iter().flat_map(|c| (0..C::WIDTH).map(|i| c.column(i).as_f64())).collect()
+    of.into_iter().flat_map(|c| (0..C::LEN).map(|i| c.get(i).as_f64())).collect()
 }
 
 impl Placed for DVec3 {

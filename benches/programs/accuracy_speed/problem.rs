@@ -48,8 +48,6 @@ impl<K, P> Problem<K>
 where
     P: Placed,
     K: Kernel<Source = P, Target = P>,
-    K::Charge: Columns<K::Real>,
-    K::Value: Columns<K::Real>,
 {
     /// The sum over a cloud, judged at about `samples` targets by the same kernel in double precision.
     pub(crate) fn new<J>(kernel: K, judge: &J, cloud: &[DVec3], samples: usize) -> Self
@@ -59,7 +57,7 @@ where
         J::Value: Numbers<Real = f64>,
     {
         let points: Vec<P> = cloud.iter().enumerate().map(|(i, &p)| P::at(p, i)).collect();
-        let width = <K::Charge as Columns<K::Real>>::WIDTH;
+        let width = <K::Charge as Numbers>::LEN;
         let charges: Vec<K::Charge> = charges(&clouds::charges(width * points.len()));
         let step = points.len().div_ceil(samples).max(1);
 

@@ -128,7 +128,7 @@ where
     for n in nodes {
         // What the engine cuts off here adds some hundredths to the error of interpolation.
         let (error, _) = field.error(Interpolation::new(kernel).order(n))?;
-        kind.note(Expanded::Nodes, n as f64, K::DENSITIES * n.pow(3), error);
+        kind.note(Expanded::Nodes, n as f64, kernel.densities() * n.pow(3), error);
     }
     for power in powers {
         let tolerance = 10f64.powi(-power);

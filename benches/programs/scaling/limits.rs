@@ -70,7 +70,8 @@ const BARE: usize = 4096;
 
 impl Visit for BareLoop {
     fn visit<T: Real, K: Summed<T>, R: Summed<f64>>(&mut self, kernel: K, _reference: R) {
-        let tolerance = Interpolation::new(kernel).tolerance(self.tolerance).pair_tolerance();
+        let tolerance =
+            Interpolation::new(kernel).tolerance(self.tolerance).costs(2).pair_tolerance;
         let points: Vec<Point<T>> = clouds::cloud(Cloud::Cube, 2 * BARE)
             .iter()
             .map(|p| Vector::from_array(p.to_array().map(T::from_f64)))

@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use farfield::{
-    ApplyTimes, Error, Fmm, Numbers, Point, Real, Scalar, Scheme, Vector, direct, relative_l2_error,
+    ApplyTimes, Error, Fmm, Point, Real, Scalar, Scheme, Vector, direct, relative_l2_error,
 };
 use farfield_benches::cli::Precision;
 use farfield_benches::clouds;
@@ -102,7 +102,7 @@ fn row<T: Real, K: Summed<T>>(
     if !matches!(error.partial_cmp(&setting.tolerance), Some(order) if order.is_le()) {
         return Ok(Outcome::Failed(error));
     }
-    let first = *fmm.report().build;
+    let first = fmm.report().build;
     drop(fmm);
     let (fmm, replan) = timed(build)?;
 
@@ -127,7 +127,7 @@ fn row<T: Real, K: Summed<T>>(
     let k = if far { fmm.expansion().mean_m2l_rank(stats.depth) } else { None };
     let per_cell = if far { fmm.expansion().m2l_multiply_adds(stats.depth) } else { None };
     let per_pair = 2.0 * per_cell.unwrap_or(f64::NAN) / 189.0;
-    let columns = <K::Column as Columns<K::Entry>>::WIDTH as f64;
+    let columns = kernel.columns() as f64;
     let complex = if K::Entry::COMPLEX { 4.0 } else { 1.0 };
     let flops = stats.cell_pairs[0] as f64 * per_pair * columns * complex;
     let product = limits.product(setting.precision);

@@ -161,7 +161,7 @@ pub(crate) fn csv(rows: &[(Setting, Outcome)]) -> String {
             Outcome::Failed(error) => write!(line, "failed,{error:e}"),
             Outcome::Refused(_) => write!(line, "refused"),
             Outcome::Passed(row) => {
-                let BuildTimes { tree, lists, operators } = row.build;
+                let BuildTimes { tree, lists, operators, .. } = row.build;
                 let parts = parts(&row.parts).map(|(_, seconds)| seconds.to_string()).join(",");
                 write!(
                     line,
@@ -189,7 +189,7 @@ pub(crate) fn csv(rows: &[(Setting, Outcome)]) -> String {
 }
 
 fn parts(times: &ApplyTimes) -> [(&'static str, f64); 8] {
-    let &ApplyTimes { permutation, p2m, m2m, m2l, l2l, l2p, m2p, near } = times;
+    let &ApplyTimes { permutation, p2m, m2m, m2l, l2l, l2p, m2p, near, .. } = times;
     [
         ("order", permutation),
         ("p2m", p2m),

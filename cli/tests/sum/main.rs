@@ -14,8 +14,6 @@ use ndarray_npy::{read_npy, write_npy};
 use serde_json::Value;
 use tempfile::TempDir;
 
-use farfield_testing::clouds::Random;
-
 const KERNELS: [(&str, f64); 4] = [
     ("inverse-distance", -1.0),
     ("inverse-square", -2.0),

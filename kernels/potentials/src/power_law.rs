@@ -186,6 +186,7 @@ fn scaled<T: Real, C: Numbers<Real = T>>(scale: T, q: &C) -> C {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::output::PotentialGradient;
     use approx::assert_relative_eq;
     use farfield::{Numbers, direct, relative_l2_error};
     use glam::{DVec3, Vec3};
@@ -245,7 +246,7 @@ mod tests {
             let kernel = PowerLaw::<E, f64>::new().columns::<[f64; 3]>().with_gradient();
             let mut block = vec![Numbers::zero(); xs.len()];
             kernel.add_block(&xs, &ys, &qs, 0.0, &mut block);
-            let mut pairs = vec![Numbers::zero(); xs.len()];
+            let mut pairs: Vec<PotentialGradient<[f64; 3]>> = vec![Numbers::zero(); xs.len()];
             for (x, u) in xs.iter().zip(&mut pairs) {
                 for (y, q) in ys.iter().zip(&qs) {
                     let (k, gradient) = evaluate::<E, f64>(*x, *y);
