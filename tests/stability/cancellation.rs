@@ -192,50 +192,70 @@ fn dipoles_made_of_pairs_keep_the_digits_of_expansions() {
     );
 }
 
-/// Error of the signed radiosity kernel between two cells whose surfels nearly lie in one plane.
-fn grazing<E>(mut expansion: E, tilt: f64) -> f64
-where
-    E: Expansion<Kernel = Irradiance<f64, f64>, MultipoleTerm: Numbers, LocalTerm: Numbers>,
-{
-    let root = Cube::new(DVec3::ZERO, 8.0);
-    let [source, target] = [[0; 3], [4, 3, 0]].map(|c| Cell::new(&root, 3, c));
-    let level = Level { level: 3, half_width: 1.0, offsets: vec![[4, 3, 0]] };
-    expansion.prepare(&Geometry { root, levels: vec![level] }).unwrap();
-    let mut random = Random::new(8);
-    let mut surfels = |cell: &Cell<f64>| -> Vec<Surfel> {
-        let mut surfel = |_| Surfel {
-            position: cell.centre()
-                + DVec3::new(random.between(-1.0, 1.0), random.between(-1.0, 1.0), 0.3),
-            normal: DVec3::new(tilt * random.unit(), tilt * random.unit(), 1.0).normalize(),
-            area: 1.0,
-            face: Surfel::<f64>::NO_FACE,
+/// Two cells far apart, in which surfels nearly lie in one plane.
+struct Grazing {
+    root: Cube<f64>,
+    source: Cell<f64>,
+    target: Cell<f64>,
+}
+
+impl Grazing {
+    fn new() -> Self {
+        let root = Cube::new(DVec3::ZERO, 8.0);
+        let [source, target] = [[0; 3], [4, 3, 0]].map(|c| Cell::new(&root, 3, c));
+        Self { root, source, target }
+    }
+
+    /// The expansion, ready for this pair of cells.
+    fn prepared<E: Expansion<Kernel = Irradiance<f64, f64>>>(&self, mut expansion: E) -> E {
+        let level = Level { level: 3, half_width: 1.0, offsets: vec![[4, 3, 0]] };
+        expansion.prepare(&Geometry { root: self.root, levels: vec![level] }).unwrap();
+        expansion
+    }
+
+    /// Error of the signed radiosity kernel between surfels whose normals are tilted by up to `tilt`.
+    fn error<E>(&self, expansion: &E, tilt: f64) -> f64
+    where
+        E: Expansion<Kernel = Irradiance<f64, f64>>,
+    {
+        let Self { source, target, .. } = self;
+        let mut random = Random::new(8);
+        let mut surfels = |cell: &Cell<f64>| -> Vec<Surfel> {
+            let mut surfel = |_| Surfel {
+                position: cell.centre()
+                    + DVec3::new(random.between(-1.0, 1.0), random.between(-1.0, 1.0), 0.3),
+                normal: DVec3::new(tilt * random.unit(), tilt * random.unit(), 1.0).normalize(),
+                area: 1.0,
+                face: Surfel::<f64>::NO_FACE,
+            };
+            (0..30).map(&mut surfel).collect()
         };
-        (0..30).map(&mut surfel).collect()
-    };
-    let (ys, xs) = (surfels(&source), surfels(&target));
-    let mut m = vec![Numbers::zero(); expansion.multipole_len(3)];
-    expansion.p2m(&source, &ys, &[1.0; 30], &mut m);
-    let mut l = vec![Numbers::zero(); expansion.local_len(3)];
-    expansion.m2l(&source, &target, &m, &mut l);
-    let mut values = vec![0.0; 30];
-    expansion.l2p(&target, &l, &xs, &mut values);
-    relative_l2_error(&values, &direct(expansion.kernel(), &ys, &[1.0; 30], &xs).unwrap())
+        let (ys, xs) = (surfels(source), surfels(target));
+        let mut m = vec![Numbers::zero(); expansion.multipole_len(3)];
+        expansion.p2m(source, &ys, &[1.0; 30], &mut m);
+        let mut l = vec![Numbers::zero(); expansion.local_len(3)];
+        expansion.m2l(source, target, &m, &mut l);
+        let mut values = vec![0.0; 30];
+        expansion.l2p(target, &l, &xs, &mut values);
+        relative_l2_error(&values, &direct(expansion.kernel(), &ys, &[1.0; 30], &xs).unwrap())
+    }
 }
 
 #[test]
 fn grazing_angles_cost_what_the_numerator_cancels() {
-    let sixteen = |tilt| grazing(SixteenMoment::new(Irradiance::signed(), 16).unwrap(), tilt);
-    let tensor = |tilt| grazing(Interpolation::new(Irradiance::<f64>::signed()).order(6), tilt);
+    let cells = Grazing::new();
+    let sixteen = cells.prepared(SixteenMoment::new(Irradiance::signed(), 16).unwrap());
+    let tensor = cells.prepared(Interpolation::new(Irradiance::<f64>::signed()).order(6));
     let mut lines = Vec::new();
     for tilt in [1.0, 1e-2, 1e-4] {
-        let [moments, components] = [sixteen(tilt), tensor(tilt)];
+        let [moments, components] = [cells.error(&sixteen, tilt), cells.error(&tensor, tilt)];
         // The truncated 1/r⁴ multiplies the exact numerator, which is rounded; a tensor's components are
         // truncated one by one.
         assert!(moments < 1e-12 + 1e-16 / (tilt * tilt), "{tilt:e}: {moments:e}");
         assert!(components < 1e-4 / (tilt * tilt), "{tilt:e}: {components:e}");
         lines.push(format!("{tilt:.0e}: {moments:.0e} and {components:.0e}"));
     }
-    let lost = sixteen(1e-8);
+    let lost = cells.error(&sixteen, 1e-8);
     assert!(lost > 1e-3, "{lost:e}");
     row(
         "Numerators at grazing angles",

@@ -8,7 +8,7 @@ use num_complex::Complex;
 
 use crate::{plain, single};
 
-const POINTS: usize = 4000;
+const POINTS: usize = 2000;
 
 /// The clouds, and how far apart their points are at most.
 fn clouds() -> [(&'static str, Vec<DVec3>); 3] {
