@@ -69,6 +69,16 @@ pub enum Error {
         /// The length it has.
         found: usize,
     },
+    /// A charge that is a list holds more numbers than the kernel takes.
+    #[error("charge {index} has {found} numbers: expected at most {expected}")]
+    ChargeTooLong {
+        /// Its index in the caller's order.
+        index: usize,
+        /// The numbers that the kernel takes: as many as it has densities, for each of its columns.
+        expected: usize,
+        /// How many there are.
+        found: usize,
+    },
     /// More points than the engine's 32-bit indices can number.
     #[error("{found} {set}s: expected at most {limit}")]
     TooManyPoints {
@@ -152,16 +162,6 @@ pub enum Error {
     /// The environment variable that caps the processor's instructions does not name a level.
     #[error(transparent)]
     UnknownDispatchLevel(#[from] UnknownDispatchLevel),
-}
-
-impl Error {
-    /// Refuses any other number of charges than one per source.
-    pub(crate) fn check_charges(sources: usize, charges: usize) -> Result<(), Self> {
-        if sources == charges {
-            return Ok(());
-        }
-        Err(Self::LengthMismatch { what: "charges", expected: sources, found: charges })
-    }
 }
 
 /// Errors are equal if they are of one kind and say the same.

@@ -14,7 +14,7 @@ use crate::interpolation::chebyshev::Chebyshev;
 use crate::interpolation::far_field::FarField;
 use crate::interpolation::lanes::{Padded, row};
 use crate::interpolation::means::INTERACTION_OFFSETS;
-use crate::interpolation::probe::{Formula, zero};
+use crate::interpolation::probe::{Entries, zero};
 use crate::linalg::dense::{Dense, Svd};
 use crate::linalg::matrix::Matrix;
 use crate::numbers::traits::{Point, Real, Scalar};
@@ -82,7 +82,7 @@ struct Part<S> {
 impl<S: Scalar> Spectrum<S> {
     /// The singular vectors of the far field, parity by parity if its components have parities.
     pub(crate) fn new(
-        kernel: &Formula<'_, S>,
+        kernel: &Entries<'_, S>,
         component_parities: Option<&[u8]>,
         far: &FarField<S::Real>,
         rule: &Chebyshev<S::Real>,

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex};
 
 use crate::interpolation::far_field::FarField;
 use crate::interpolation::operators::{Accuracy, Operators, Sizes};
-use crate::interpolation::probe::Formula;
+use crate::interpolation::probe::Entries;
 use crate::interpolation::tuning::CAPACITY;
 use crate::numbers::traits::{Real, Scalar};
 
@@ -25,7 +25,7 @@ static CACHE: Mutex<Vec<(Key, Arc<dyn Any + Send + Sync>)>> = Mutex::new(Vec::ne
 impl Key {
     pub(crate) fn new<S: Scalar>(
         kernel_type: &'static str,
-        kernel: &Formula<'_, S>,
+        kernel: &Entries<'_, S>,
         accuracy: Accuracy,
         sizes: &Sizes<S::Real>,
     ) -> Self {

@@ -100,15 +100,15 @@ impl<S: Scalar> Request<'_, S> {
         let step = offset.map(|o| S::Real::from_f64(2.0 * f64::from(o)));
         let step = Point::<S::Real>::from_array(step);
         let h = self.far.half_width();
-        let (mut errors, mut g) = (0.0, vec![zero::<S>(); fields * densities]);
+        let xs: Vec<Point<S::Real>> = targets.points.iter().map(|&x| (x + step) * h).collect();
+        let len = fields * densities;
+        let (mut errors, mut g) = (0.0, vec![zero::<S>(); xs.len() * len]);
         for (b, &y) in sources.points[range.clone()].iter().enumerate() {
-            for (a, &x) in targets.points.iter().enumerate() {
-                self.kernel.write((x + step) * h, y * h, &mut g);
-                for (k, &exact) in g.iter().enumerate() {
-                    let value =
-                        values.at(a * fields + k / densities, b * densities + k % densities);
-                    errors += Numbers::norm_squared(&(value - exact));
-                }
+            self.kernel.write(&xs, y * h, &mut g);
+            for (k, &exact) in g.iter().enumerate() {
+                let (a, k) = (k / len, k % len);
+                let value = values.at(a * fields + k / densities, b * densities + k % densities);
+                errors += Numbers::norm_squared(&(value - exact));
             }
         }
         errors / (range.len() * targets.points.len()) as f64

@@ -18,7 +18,7 @@ use crate::expansion::OffsetMap;
 use crate::interpolation::bases::Bases;
 use crate::interpolation::basis::{Basis, adjoint};
 use crate::interpolation::budget::{ROUNDING_SHARE, SINGLE_ROUNDING};
-use crate::interpolation::probe::{Formula, norm_squared, power_of_two, zero};
+use crate::interpolation::probe::{Entries, norm_squared, power_of_two, zero};
 use crate::interpolation::ranges::{Factors, Side};
 use crate::linalg::batched::Batched;
 use crate::linalg::matrix::Matrix;
@@ -134,7 +134,7 @@ fn direction_of(offset: [i32; 3]) -> usize {
 
 /// The groups of the given offsets' directions, and where each offset stands.
 pub(crate) fn directions<S: Scalar>(
-    kernel: &Formula<'_, S>,
+    kernel: &Entries<'_, S>,
     bases: &Bases<S>,
     offsets: &[[i32; 3]],
 ) -> (Vec<Digits<S>>, OffsetMap<Place>) {
@@ -184,7 +184,7 @@ impl<S: Scalar> Bases<S> {
         along(0) | along(1) | along(2)
     }
 
-    fn group(&self, kernel: &Formula<'_, S>, members: &[[i32; 3]]) -> Digits<S> {
+    fn group(&self, kernel: &Entries<'_, S>, members: &[[i32; 3]]) -> Digits<S> {
         let axes = self.axes(members[0]);
         let (spread, collect, cores) = Factors::new(kernel, self, axes, members).compress();
         let size = cores.iter().map(|core| norm_squared(&core.data)).fold(0.0, f64::max).sqrt();

@@ -10,7 +10,7 @@ use crate::interpolation::budget::PAIR_SHARE;
 use crate::interpolation::cost;
 use crate::interpolation::operators::Accuracy;
 use crate::interpolation::prepared::Prepared;
-use crate::interpolation::probe::Formula;
+use crate::interpolation::probe::Entries;
 use crate::interpolation::tuning::ENTRY_PAIRS;
 use crate::kernel::traits::{Kernel, Outcome};
 use crate::numbers::traits::{Point, Real};
@@ -37,10 +37,11 @@ impl<K: Kernel> Expansion for Interpolation<K> {
     fn prepare(&mut self, geometry: &Geometry<K::Real>) -> Result<(), Error> {
         self.accuracy.check()?;
         let kernel = &self.kernel;
-        let entries =
-            |x: Point<K::Real>, y: Point<K::Real>, g: &mut [K::Entry]| kernel.entries(x, y, g);
-        let formula = Formula::new(kernel.fields(), kernel.densities(), &entries);
-        self.prepared = Prepared::new(type_name::<K>(), &formula, self.accuracy, geometry)?;
+        let block = |xs: &[Point<K::Real>], ys: &[Point<K::Real>], g: &mut [K::Entry]| {
+            kernel.entries_block(xs, ys, g);
+        };
+        let entries = Entries::new(kernel.fields(), kernel.densities(), &block);
+        self.prepared = Prepared::new(type_name::<K>(), &entries, self.accuracy, geometry)?;
         self.scratch = Pool::default();
         Ok(())
     }

@@ -7,7 +7,7 @@ use crate::interpolation::chebyshev::{Chebyshev, polynomials};
 use crate::interpolation::means::{
     INTERACTION_OFFSETS, Means, corner, facing, interaction_offsets, is_nearest, weight,
 };
-use crate::interpolation::probe::{Formula, PointOf, norm_squared, sample, zero};
+use crate::interpolation::probe::{Entries, PointOf, norm_squared, sample, zero};
 use crate::interpolation::tuning::{
     PER_NEAR_OFFSET, PER_OFFSET, PER_SHELL, SHELL_WEIGHT, TEST_SOURCES, TEST_TARGETS,
 };
@@ -64,7 +64,7 @@ impl<T: Real> FarField<T> {
 
     /// The size of one pair that errors are relative to, but at least a fraction of what neighbours
     /// exchange.
-    pub(crate) fn size<S: Scalar<Real = T>>(&self, kernel: &Formula<'_, S>) -> Means {
+    pub(crate) fn size<S: Scalar<Real = T>>(&self, kernel: &Entries<'_, S>) -> Means {
         let size = Means::of(self.offsets.iter().enumerate().map(|(i, &offset)| {
             let entry = |k: usize| {
                 let x = sample::<T>(7 * k + offset[0].unsigned_abs() as usize);
@@ -83,7 +83,7 @@ impl<T: Real> FarField<T> {
     /// so that no shell outweighs the interaction list.
     pub(crate) fn columns<S: Scalar<Real = T>>(
         &self,
-        kernel: &Formula<'_, S>,
+        kernel: &Entries<'_, S>,
         rule: &Chebyshev<T>,
         size: f64,
     ) -> Matrix<S> {
@@ -107,7 +107,7 @@ impl<T: Real> FarField<T> {
     /// Calls `visit` with every entry of the kernel between sample points.
     pub(crate) fn for_each_entry<S: Scalar<Real = T>>(
         &self,
-        kernel: &Formula<'_, S>,
+        kernel: &Entries<'_, S>,
         mut visit: impl FnMut(S),
     ) {
         for (i, &(y, _)) in self.sources.iter().enumerate() {
@@ -119,7 +119,7 @@ impl<T: Real> FarField<T> {
     /// from one source per offset, and at the corners from the nearest corner of the nearest cells.
     pub(crate) fn interpolation_error<S: Scalar<Real = T>>(
         &self,
-        kernel: &Formula<'_, S>,
+        kernel: &Entries<'_, S>,
         rule: &Chebyshev<T>,
         size: Means,
     ) -> f64 {
@@ -155,7 +155,7 @@ impl<T: Real> FarField<T> {
     /// factor; with its offset's number.
     fn squared_errors<S: Scalar<Real = T>>(
         &self,
-        kernel: &Formula<'_, S>,
+        kernel: &Entries<'_, S>,
         rule: &Chebyshev<T>,
         targets: &[Point<T>],
         sources: &[(usize, Point<T>, f64)],
@@ -199,7 +199,7 @@ impl<T: Real> FarField<T> {
 
     fn entry<S: Scalar<Real = T>>(
         &self,
-        kernel: &Formula<'_, S>,
+        kernel: &Entries<'_, S>,
         x: PointOf<S>,
         y: PointOf<S>,
     ) -> Vec<S> {
@@ -238,7 +238,7 @@ mod tests {
 
     fn error(f: fn(f64) -> f64, n: usize, half_width: f64) -> f64 {
         let entries = |x: DVec3, y: DVec3, g: &mut [f64]| g[0] = f(x.distance(y));
-        let kernel = Formula::new(1, 1, &entries);
+        let kernel = Entries::new(1, 1, &entries);
         let far = FarField::new(half_width, 8.0, 1);
         far.interpolation_error(&kernel, &Chebyshev::new(n), far.size(&kernel))
     }
@@ -265,7 +265,7 @@ mod tests {
     #[test]
     fn columns_hold_the_coefficients_of_the_far_field() {
         let entries = |x: DVec3, y: DVec3, g: &mut [f64]| g[0] = 1.0 / x.distance(y);
-        let kernel = Formula::new(1, 1, &entries);
+        let kernel = Entries::new(1, 1, &entries);
         let (far, rule) = (FarField::new(0.25, 20.0, 1), Chebyshev::new(9));
         let columns = far.columns(&kernel, &rule, f64::INFINITY);
         let x = DVec3::new(0.3, -0.8, 0.6);

@@ -9,7 +9,7 @@ use crate::interpolation::budget::truncation_share;
 use crate::interpolation::chebyshev::Chebyshev;
 use crate::interpolation::far_field::FarField;
 use crate::interpolation::means::{Means, interaction_offsets};
-use crate::interpolation::probe::{self, Formula, Parities};
+use crate::interpolation::probe::{self, Entries, Parities};
 use crate::interpolation::transfer::Transfers;
 use crate::interpolation::tuning::ATTEMPTS;
 use crate::numbers::traits::Scalar;
@@ -25,7 +25,7 @@ pub(crate) struct LevelOperators<S: Scalar> {
 
 /// What one level's operators have to do.
 pub(crate) struct Request<'a, S: Scalar> {
-    pub(crate) kernel: &'a Formula<'a, S>,
+    pub(crate) kernel: &'a Entries<'a, S>,
     pub(crate) rule: &'a Chebyshev<S::Real>,
     pub(crate) symmetric: bool,
     /// Whether cells of all sizes have the same operators.
@@ -42,7 +42,7 @@ impl<S: Scalar> Request<'_, S> {
     pub(crate) fn build(&self) -> Result<LevelOperators<S>, Error> {
         let half_width = self.far.half_width();
         let parities = probe::parities(self.kernel, half_width);
-        let spectrum = |kernel: &Formula<'_, S>, of: fn(&Parities) -> &[u8]| {
+        let spectrum = |kernel: &Entries<'_, S>, of: fn(&Parities) -> &[u8]| {
             let parities = parities.as_ref().map(of);
             Spectrum::new(kernel, parities, self.far, self.rule, self.scale.least())
         };

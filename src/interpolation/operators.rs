@@ -12,7 +12,7 @@ use crate::interpolation::chebyshev::Chebyshev;
 use crate::interpolation::far_field::FarField;
 use crate::interpolation::level::{LevelOperators, Request};
 use crate::interpolation::means::Means;
-use crate::interpolation::probe::{self, Formula};
+use crate::interpolation::probe::{self, Entries};
 use crate::interpolation::tuning::{MAX_ORDER, MORE_ORDERS, WHOLE_DENSITY};
 use crate::linalg::matrix::Matrix;
 use crate::numbers::traits::{Real, Scalar};
@@ -72,7 +72,7 @@ impl Accuracy {
 
 impl<S: Scalar> Operators<S> {
     pub(crate) fn new(
-        kernel: &Formula<'_, S>,
+        kernel: &Entries<'_, S>,
         accuracy: Accuracy,
         sizes: &Sizes<S::Real>,
     ) -> Result<Self, Error> {
@@ -174,7 +174,7 @@ pub(crate) fn fewest_nodes<T: Real>(
 /// The size of one pair that errors of each level are relative to. A level whose far field is weaker
 /// than a finer one's, its greater reach included, needs fewer digits.
 fn scales<S: Scalar>(
-    kernel: &Formula<'_, S>,
+    kernel: &Entries<'_, S>,
     sizes: &Sizes<S::Real>,
     fields: &[FarField<S::Real>],
 ) -> Result<Vec<Means>, Error> {

@@ -11,7 +11,7 @@ use crate::interpolation::far_field::FarField;
 use crate::interpolation::level::LevelOperators;
 use crate::interpolation::means::Means;
 use crate::interpolation::operators::{Accuracy, Operators, Sizes, fewest_nodes};
-use crate::interpolation::probe::{self, Formula};
+use crate::interpolation::probe::{self, Entries, PointOf, zero};
 use crate::interpolation::transfer::Transfers;
 use crate::interpolation::tuning::{EXTENDED_BYTES, SAMPLED_EXTENT};
 use crate::linalg::matrix::Matrix;
@@ -58,7 +58,7 @@ pub(crate) struct Shift<'a, S: Scalar> {
 impl<S: Scalar> Prepared<S> {
     pub(crate) fn new(
         kernel_type: &'static str,
-        kernel: &Formula<'_, S>,
+        kernel: &Entries<'_, S>,
         accuracy: Accuracy,
         geometry: &Geometry<S::Real>,
     ) -> Result<Self, Error> {
@@ -84,7 +84,7 @@ impl<S: Scalar> Everywhere<S> {
 
     /// The order is the smallest that serves cells about the centre of the root.
     fn new(
-        kernel: &Formula<'_, S>,
+        kernel: &Entries<'_, S>,
         accuracy: Accuracy,
         geometry: &Geometry<S::Real>,
     ) -> Result<Self, Error> {
@@ -93,8 +93,20 @@ impl<S: Scalar> Everywhere<S> {
             Accuracy::Tolerance(requested) => requested,
         };
         let centre = geometry.root.centre();
-        let at_centre = |x, y, g: &mut [S]| kernel.write(centre + x, centre + y, g);
-        let kernel = Formula::new(kernel.fields, kernel.densities, &at_centre);
+        let at_centre = |xs: &[PointOf<S>], ys: &[PointOf<S>], g: &mut [S]| {
+            let moved =
+                |points: &[PointOf<S>]| points.iter().map(|&p| centre + p).collect::<Vec<_>>();
+            let (xs, len) = (moved(xs), kernel.fields * kernel.densities);
+            // Blocks have one source, or one target where the kernel is transposed.
+            for (j, &y) in moved(ys).iter().enumerate() {
+                let mut column = vec![zero::<S>(); xs.len() * len];
+                kernel.write(&xs, y, &mut column);
+                for (i, entries) in column.chunks_exact(len).enumerate() {
+                    g[(i * ys.len() + j) * len..][..len].copy_from_slice(entries);
+                }
+            }
+        };
+        let kernel = Entries::new(kernel.fields, kernel.densities, &at_centre);
         let half_widths = geometry.levels.iter().map(|level| level.half_width);
         let rule = kernel.in_units_of(probe::unit(&kernel, half_widths), |kernel| {
             Self::rule(kernel, requested, geometry)
@@ -104,7 +116,7 @@ impl<S: Scalar> Everywhere<S> {
 
     /// The smallest that serves a kernel between cells about the origin.
     fn rule(
-        kernel: &Formula<'_, S>,
+        kernel: &Entries<'_, S>,
         requested: f64,
         geometry: &Geometry<S::Real>,
     ) -> Result<Chebyshev<S::Real>, Error> {
@@ -129,7 +141,7 @@ impl<S: Scalar> Everywhere<S> {
 impl<S: Scalar> Invariant<S> {
     fn new(
         kernel_type: &'static str,
-        kernel: &Formula<'_, S>,
+        kernel: &Entries<'_, S>,
         accuracy: Accuracy,
         geometry: &Geometry<S::Real>,
     ) -> Result<Self, Error> {
@@ -152,7 +164,7 @@ impl<S: Scalar> Invariant<S> {
     }
 
     /// Builds M2L operators for the offsets that only masks ask for.
-    fn extend(&mut self, kernel: &Formula<'_, S>, geometry: &Geometry<S::Real>) {
+    fn extend(&mut self, kernel: &Entries<'_, S>, geometry: &Geometry<S::Real>) {
         let mut bytes_left = EXTENDED_BYTES;
         for (index, level) in self.operators.levels.iter().enumerate() {
             let mut offsets = match self.degree {
@@ -219,7 +231,7 @@ impl<S: Scalar> Invariant<S> {
 /// Remembered operators, or new ones.
 fn operators<S: Scalar>(
     kernel_type: &'static str,
-    kernel: &Formula<'_, S>,
+    kernel: &Entries<'_, S>,
     accuracy: Accuracy,
     sizes: &Sizes<S::Real>,
 ) -> Result<Arc<Operators<S>>, Error> {

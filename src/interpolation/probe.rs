@@ -6,67 +6,61 @@ use crate::interpolation::tuning::PROBE_PAIRS;
 use crate::numbers::traits::{Numbers, Point, Real, Scalar, Vector, l2_norm};
 use crate::octree::geometry::Cube;
 
-/// The matrix G(x, y) of a point kernel, with its kernel's type forgotten: what set-up works on.
-pub(crate) struct Formula<'a, S: Scalar> {
+/// The entries of a kernel, G(x, y), with the kernel's type forgotten: what set-up works on.
+pub(crate) struct Entries<'a, S: Scalar> {
     /// Rows of G.
     pub(crate) fields: usize,
     /// Columns of G.
     pub(crate) densities: usize,
-    entries: &'a Entries<'a, S>,
+    block: &'a Block<'a, S>,
     transposed: bool,
 }
 
-/// Writes G(x, y), row after row.
-type Entries<'a, S> = dyn Fn(PointOf<S>, PointOf<S>, &mut [S]) + Sync + 'a;
+/// Writes the entries of a block of pairs, as [`Kernel::entries_block`](crate::Kernel::entries_block).
+type Block<'a, S> = dyn Fn(&[PointOf<S>], &[PointOf<S>], &mut [S]) + Sync + 'a;
 
 /// A point in the precision of `S`.
 pub(crate) type PointOf<S> = Point<<S as Numbers>::Real>;
 
-impl<'a, S: Scalar> Formula<'a, S> {
-    pub(crate) fn new(fields: usize, densities: usize, entries: &'a Entries<'a, S>) -> Self {
-        Self { fields, densities, entries, transposed: false }
+impl<'a, S: Scalar> Entries<'a, S> {
+    pub(crate) fn new(fields: usize, densities: usize, block: &'a Block<'a, S>) -> Self {
+        Self { fields, densities, block, transposed: false }
     }
 
     /// The kernel G(y, x)ᵀ: what sources are to targets and targets to sources.
     pub(crate) fn transpose(&self) -> Self {
         let (fields, densities) = (self.densities, self.fields);
-        Self { fields, densities, entries: self.entries, transposed: !self.transposed }
+        Self { fields, densities, block: self.block, transposed: !self.transposed }
     }
 
     /// The kernel over `unit`, a power of two.
     pub(crate) fn in_units_of<V>(
         &self,
         unit: S::Real,
-        work: impl FnOnce(&Formula<'_, S>) -> V,
+        work: impl FnOnce(&Entries<'_, S>) -> V,
     ) -> V {
         let shrink = S::from_real(unit.recip());
-        let entries = |x: PointOf<S>, y: PointOf<S>, g: &mut [S]| {
-            self.write(x, y, g);
+        let (fields, densities) = (self.fields, self.densities);
+        let block = |xs: &[PointOf<S>], ys: &[PointOf<S>], g: &mut [S]| {
+            (self.block)(xs, ys, g);
             g.iter_mut().for_each(|entry| *entry *= shrink);
         };
-        work(&Formula::new(self.fields, self.densities, &entries))
-    }
-
-    /// Writes the matrix at (x, y), row after row.
-    pub(crate) fn write(&self, x: PointOf<S>, y: PointOf<S>, g: &mut [S]) {
-        if !self.transposed {
-            return (self.entries)(x, y, g);
-        }
-        (self.entries)(y, x, g);
-        if self.fields * self.densities > 1 {
-            let original = g.to_vec();
-            for (k, entry) in g.iter_mut().enumerate() {
-                *entry = original[k % self.densities * self.fields + k / self.densities];
-            }
-        }
+        let (fields, densities) =
+            if self.transposed { (densities, fields) } else { (fields, densities) };
+        let over = Entries::new(fields, densities, &block);
+        work(&if self.transposed { over.transpose() } else { over })
     }
 
     /// Writes the field of a source at points: for each density, for each component of the field, the
     /// values at all points.
     pub(crate) fn write_field(&self, xs: &[PointOf<S>], y: PointOf<S>, field: &mut [S]) {
-        let mut g = vec![zero::<S>(); self.fields * self.densities];
-        for (i, &x) in xs.iter().enumerate() {
-            self.write(x, y, &mut g);
+        let len = self.fields * self.densities;
+        if len == 1 {
+            return self.write(xs, y, field);
+        }
+        let mut g = vec![zero::<S>(); xs.len() * len];
+        self.write(xs, y, &mut g);
+        for (i, g) in g.chunks_exact(len).enumerate() {
             for (k, &entry) in g.iter().enumerate() {
                 let (row, column) = (k / self.densities, k % self.densities);
                 field[(column * self.fields + row) * xs.len() + i] = entry;
@@ -74,16 +68,35 @@ impl<'a, S: Scalar> Formula<'a, S> {
         }
     }
 
+    /// The matrix at (x, y), row after row.
     pub(crate) fn at(&self, x: PointOf<S>, y: PointOf<S>) -> Vec<S> {
         let mut g = vec![zero::<S>(); self.fields * self.densities];
-        self.write(x, y, &mut g);
+        self.write(&[x], y, &mut g);
         g
+    }
+
+    /// Writes the matrices at (x_i, y), one after the other, each row after row.
+    pub(crate) fn write(&self, xs: &[PointOf<S>], y: PointOf<S>, g: &mut [S]) {
+        if !self.transposed {
+            return (self.block)(xs, &[y], g);
+        }
+        (self.block)(&[y], xs, g);
+        let len = self.fields * self.densities;
+        if len > 1 {
+            let mut original = vec![zero::<S>(); len];
+            for g in g.chunks_exact_mut(len) {
+                original.copy_from_slice(g);
+                for (k, entry) in g.iter_mut().enumerate() {
+                    *entry = original[k % self.densities * self.fields + k / self.densities];
+                }
+            }
+        }
     }
 }
 
 /// Whether K(x + s, y + s) = K(x, y) to round-off for sample pairs and shifts within `root`.
 pub(crate) fn translation_invariant<S: Scalar>(
-    kernel: &Formula<'_, S>,
+    kernel: &Entries<'_, S>,
     root: &Cube<S::Real>,
 ) -> bool {
     let h = root.half_width();
@@ -99,7 +112,7 @@ pub(crate) fn translation_invariant<S: Scalar>(
 /// `h` and s = 2, 4, and for what takes pairs of size 1, for which operators are built, to those of size `h`
 /// and of the `others`. Assumes translation invariance.
 pub(crate) fn homogeneity<S: Scalar>(
-    kernel: &Formula<'_, S>,
+    kernel: &Entries<'_, S>,
     h: S::Real,
     others: impl IntoIterator<Item = S::Real>,
 ) -> Option<f64> {
@@ -123,7 +136,7 @@ pub(crate) fn homogeneity<S: Scalar>(
 }
 
 /// Whether G(x, y) = G(y, x)ᵀ to round-off for sample pairs. Assumes translation invariance.
-pub(crate) fn symmetric<S: Scalar>(kernel: &Formula<'_, S>, half_width: S::Real) -> bool {
+pub(crate) fn symmetric<S: Scalar>(kernel: &Entries<'_, S>, half_width: S::Real) -> bool {
     kernel.fields == kernel.densities
         && differences::<S>(half_width).all(|d| {
             let origin = PointOf::<S>::default();
@@ -144,7 +157,7 @@ pub(crate) struct Parities {
 /// The parities of a kernel whose entries change nothing but their signs under reflections, to
 /// round-off for sample pairs. Assumes translation invariance.
 pub(crate) fn parities<S: Scalar>(
-    kernel: &Formula<'_, S>,
+    kernel: &Entries<'_, S>,
     half_width: S::Real,
 ) -> Option<Parities> {
     let mut parities =
@@ -159,7 +172,7 @@ pub(crate) fn parities<S: Scalar>(
 
 /// For each entry, whether it changes sign; none where it vanishes everywhere.
 fn signs_under_reflection<S: Scalar>(
-    kernel: &Formula<'_, S>,
+    kernel: &Entries<'_, S>,
     half_width: S::Real,
     axis: usize,
 ) -> Option<Vec<Option<bool>>> {
@@ -227,7 +240,7 @@ fn split_signs(
 /// A power of two of about the size of the kernel between well-separated cells of the given half-widths,
 /// so that squares of the kernel over it stay in the range of numbers.
 pub(crate) fn unit<S: Scalar>(
-    kernel: &Formula<'_, S>,
+    kernel: &Entries<'_, S>,
     half_widths: impl IntoIterator<Item = S::Real>,
 ) -> S::Real {
     let of_size =
@@ -292,13 +305,24 @@ mod tests {
     use super::*;
     use glam::DVec3;
 
+    /// The block of a formula that is given pair by pair.
+    fn pairwise(
+        len: usize,
+        pair: impl Fn(DVec3, DVec3, &mut [f64]) + Sync,
+    ) -> impl Fn(&[DVec3], &[DVec3], &mut [f64]) + Sync {
+        move |xs, ys, g| {
+            let pairs = xs.iter().flat_map(|x| ys.iter().map(move |y| (*x, *y)));
+            pairs.zip(g.chunks_exact_mut(len)).for_each(|((x, y), g)| pair(x, y, g));
+        }
+    }
+
     /// Asks a question about a scalar formula.
     fn ask<R>(
         f: impl Fn(DVec3, DVec3) -> f64 + Sync,
-        question: impl FnOnce(&Formula<'_, f64>) -> R,
+        question: impl FnOnce(&Entries<'_, f64>) -> R,
     ) -> R {
-        let entries = |x: DVec3, y: DVec3, g: &mut [f64]| g[0] = f(x, y);
-        question(&Formula::new(1, 1, &entries))
+        let block = pairwise(1, |x, y, g: &mut [f64]| g[0] = f(x, y));
+        question(&Entries::new(1, 1, &block))
     }
 
     fn inverse(x: DVec3, y: DVec3) -> f64 {
@@ -320,7 +344,7 @@ mod tests {
 
     #[test]
     fn homogeneity_is_seen_and_its_absence_too() {
-        let degree = |k: &Formula<'_, f64>| homogeneity(k, 2.0, []);
+        let degree = |k: &Entries<'_, f64>| homogeneity(k, 2.0, []);
         assert_eq!(ask(|x, y| (x - y).x / x.distance(y).powi(4), degree), Some(-3.0));
         assert_eq!(ask(|x, y| x.distance(y).powf(0.25), degree), Some(0.25));
         let yukawa = |x: DVec3, y: DVec3| (-1e-9 * x.distance(y)).exp() / x.distance(y);
@@ -336,8 +360,8 @@ mod tests {
     fn symmetry_is_seen_and_its_absence_too() {
         assert!(ask(inverse, |k| symmetric(k, 0.3)));
         assert!(!ask(skew, |k| symmetric(k, 0.3)));
-        let one_sided = |x: DVec3, y: DVec3, g: &mut [f64]| g.copy_from_slice((x - y).as_ref());
-        assert!(!symmetric(&Formula::new(3, 1, &one_sided), 0.3));
+        let one_sided = pairwise(3, |x, y, g| g.copy_from_slice((x - y).as_ref()));
+        assert!(!symmetric(&Entries::new(3, 1, &one_sided), 0.3));
     }
 
     #[test]
@@ -347,13 +371,13 @@ mod tests {
         assert_eq!(ask(skew, |k| parities(k, 0.3)), None);
         let odd_in_x = ask(|x, y| (x - y).x / x.distance(y), |k| parities(k, 0.3)).unwrap();
         assert_eq!(odd_in_x.fields[0] ^ odd_in_x.densities[0], 0b001);
-        let tensor = |x: DVec3, y: DVec3, g: &mut [f64]| {
+        let tensor = pairwise(9, |x, y, g| {
             let d = x - y;
             for (k, g) in g.iter_mut().enumerate() {
                 *g = d[k / 3] * d[k % 3];
             }
-        };
-        let found = parities(&Formula::new(3, 3, &tensor), 0.3).unwrap();
+        });
+        let found = parities(&Entries::new(3, 3, &tensor), 0.3).unwrap();
         for (i, f) in found.fields.iter().enumerate() {
             for (j, d) in found.densities.iter().enumerate() {
                 assert_eq!(f ^ d, 1 << i ^ 1 << j);
@@ -363,10 +387,8 @@ mod tests {
 
     #[test]
     fn the_transpose_swaps_points_and_components() {
-        let entries = |x: DVec3, y: DVec3, g: &mut [f64]| {
-            g.copy_from_slice(&[x.x, x.y, y.x, y.y, x.z, y.z]);
-        };
-        let kernel = Formula::new(2, 3, &entries);
+        let entries = pairwise(6, |x, y, g| g.copy_from_slice(&[x.x, x.y, y.x, y.y, x.z, y.z]));
+        let kernel = Entries::new(2, 3, &entries);
         let (x, y) = (DVec3::new(1.0, 2.0, 3.0), DVec3::new(4.0, 5.0, 6.0));
         assert_eq!(kernel.at(y, x), [4.0, 5.0, 1.0, 2.0, 6.0, 3.0]);
         assert_eq!(kernel.transpose().at(x, y), [4.0, 2.0, 5.0, 6.0, 1.0, 3.0]);

@@ -9,7 +9,7 @@ use crate::interpolation::bases::Bases;
 use crate::interpolation::basis::{adjoint, product, smallest_kept};
 use crate::interpolation::budget::SIDE_SHARE;
 use crate::interpolation::means::weight;
-use crate::interpolation::probe::{Formula, zero};
+use crate::interpolation::probe::{Entries, zero};
 use crate::interpolation::tuning::{MORE_VECTORS, RANGE_REACH};
 use crate::linalg::dense::Svd;
 use crate::linalg::matrix::Matrix;
@@ -23,7 +23,7 @@ pub(crate) struct Factors<'a, S: Scalar> {
     bases: &'a Bases<S>,
     /// The axes along which the group's directions lie, as bits.
     axes: u8,
-    kernel: &'a Formula<'a, S>,
+    kernel: &'a Entries<'a, S>,
     /// G at each near image, and the sum of the weights of the offsets that it stands for.
     images: Vec<(Matrix<S>, f64)>,
     /// The images, the near ones first.
@@ -42,7 +42,7 @@ pub(crate) struct Side<S> {
 
 impl<'a, S: Scalar> Factors<'a, S> {
     pub(crate) fn new(
-        kernel: &'a Formula<'a, S>,
+        kernel: &'a Entries<'a, S>,
         bases: &'a Bases<S>,
         axes: u8,
         offsets: &[[i32; 3]],
@@ -178,7 +178,7 @@ impl<'a, S: Scalar> Factors<'a, S> {
 }
 
 /// The kernel between the skeletons of two cells.
-fn between<S: Scalar>(kernel: &Formula<'_, S>, bases: &Bases<S>, offset: [i32; 3]) -> Matrix<S> {
+fn between<S: Scalar>(kernel: &Entries<'_, S>, bases: &Bases<S>, offset: [i32; 3]) -> Matrix<S> {
     let step = offset.map(|o| S::Real::from_f64(2.0 * f64::from(o)));
     let step = Point::<S::Real>::from_array(step);
     let [ys, xs] = [&bases.source, &bases.target].map(|basis| &basis.skeleton.points);
@@ -241,11 +241,11 @@ mod tests {
     /// The largest ‖C_o − P W_o Qᴴ‖ of the offsets of one direction, relative to the cut-off; the rank.
     fn worst(kernel: fn(DVec3) -> f64, reflected: bool, cut: f64) -> (f64, usize) {
         let entries = |x: DVec3, y: DVec3, g: &mut [f64]| g[0] = kernel(x - y);
-        let (kernel, rule) = (Formula::new(1, 1, &entries), Chebyshev::new(7));
+        let (kernel, rule) = (Entries::new(1, 1, &entries), Chebyshev::new(7));
         let far = FarField::new(0.5, 8.0, if reflected { 1 } else { 2 });
         let parities = parities(&kernel, 0.5).map(|parities| parities.fields);
         assert_eq!(parities.is_some(), reflected);
-        let basis = |kernel: &Formula<'_, f64>| {
+        let basis = |kernel: &Entries<'_, f64>| {
             let spectrum = Spectrum::new(kernel, parities.as_deref(), &far, &rule, f64::INFINITY);
             Arc::new(spectrum.unwrap().basis(cut, &rule))
         };

@@ -10,7 +10,7 @@ use crate::interpolation::bases::Bases;
 use crate::interpolation::directions::{Digits, Place, directions};
 use crate::interpolation::exchange::{Coordinates, Exchange, Pair};
 use crate::interpolation::means::{INTERACTION_OFFSETS, interaction_offsets, weight};
-use crate::interpolation::probe::{Formula, power_of_two, zero};
+use crate::interpolation::probe::{Entries, power_of_two, zero};
 use crate::interpolation::tuning::{EXCHANGE_BLOCK, SWEEP_CHUNK, TASK_BYTES};
 use crate::numbers::traits::{Real, Scalar};
 use crate::parallel;
@@ -66,7 +66,7 @@ const NEAR: i32 = 3;
 
 impl<S: Scalar> Transfers<S> {
     /// Operators for the given offsets.
-    pub(crate) fn new(kernel: &Formula<'_, S>, bases: &Bases<S>, offsets: &[[i32; 3]]) -> Self {
+    pub(crate) fn new(kernel: &Entries<'_, S>, bases: &Bases<S>, offsets: &[[i32; 3]]) -> Self {
         let (groups, places) = directions(kernel, bases, offsets);
         let (mut coordinates, mut starts) = ([0; 2], Vec::new());
         let (mut firsts, mut core_starts) = (vec![0], vec![0]);
@@ -356,7 +356,7 @@ mod tests {
     #[test]
     fn a_pair_alone_and_a_pair_of_a_level_are_the_same() {
         let entries = |x: DVec3, y: DVec3, g: &mut [f64]| g[0] = 1.0 / x.distance(y);
-        let (kernel, rule) = (Formula::new(1, 1, &entries), Chebyshev::new(4));
+        let (kernel, rule) = (Entries::new(1, 1, &entries), Chebyshev::new(4));
         let far = FarField::new(1.0 / 32.0, 8.0, 1);
         let spectrum = Spectrum::new(&kernel, Some(&[0]), &far, &rule, f64::INFINITY).unwrap();
         let offsets: Vec<[i32; 3]> = interaction_offsets().collect();

@@ -2,21 +2,22 @@
 
 use crate::error::Error;
 use crate::kernel::traits::Kernel;
-use crate::numbers::traits::{Numbers, l2_norm};
+use crate::numbers::traits::{Numbers, Scalar, l2_norm};
 use crate::parallel;
 
 /// Direct summation u_i = Σ_j K(x_i, y_j) q_j over all pairs, in parallel over targets, each sum in
 /// the order of the sources. O(N·M).
 ///
 /// # Errors
-/// [`Error::LengthMismatch`] if there is not one charge per source.
+/// [`Error::LengthMismatch`] if there is not one charge per source; [`Error::ChargeTooLong`] if a charge
+/// is a list of more numbers than the kernel takes.
 pub fn direct<K: Kernel>(
     kernel: &K,
     sources: &[K::Source],
     charges: &[K::Charge],
     targets: &[K::Target],
 ) -> Result<Vec<K::Value>, Error> {
-    Error::check_charges(sources.len(), charges.len())?;
+    check_charges(kernel, sources.len(), charges)?;
     let mut values = vec![K::Value::zero(); targets.len()];
     parallel::for_each_piece(&mut values, DIRECT_BLOCK, &|block, us| {
         let xs = &targets[DIRECT_BLOCK * block..][..us.len()];
@@ -25,6 +26,27 @@ pub fn direct<K: Kernel>(
         }
     });
     Ok(values)
+}
+
+/// Refuses any other number of charges than one per source, and lists of numbers that would be left over.
+pub(crate) fn check_charges<K: Kernel>(
+    kernel: &K,
+    sources: usize,
+    charges: &[K::Charge],
+) -> Result<(), Error> {
+    let (expected, found) = (sources, charges.len());
+    if expected != found {
+        return Err(Error::LengthMismatch { what: "charges", expected, found });
+    }
+    // Other charges have the length of their type.
+    if K::Charge::LEN == 0 {
+        let expected = kernel.densities() * kernel.columns() * K::Entry::PARTS;
+        let too_long = |q: &K::Charge| q.len() > expected;
+        if let Some(index) = charges.iter().position(too_long) {
+            return Err(Error::ChargeTooLong { index, expected, found: charges[index].len() });
+        }
+    }
+    Ok(())
 }
 
 /// Targets per parallel task of a direct sum.

@@ -1,6 +1,7 @@
 //! Masks: which pairs count.
 
 use crate::error::Error;
+use crate::kernel::direct::check_charges;
 use crate::kernel::traits::Kernel;
 use crate::numbers::traits::{Located, Numbers, Real};
 use crate::octree::geometry::Cell;
@@ -100,7 +101,7 @@ impl<K: Kernel> Mask<K> for Unmasked {
 /// O(N·M): the reference for masked plans.
 ///
 /// # Errors
-/// [`Error::LengthMismatch`] if there is not one charge per source.
+/// As [`direct`](crate::direct).
 pub fn direct_masked<K: Kernel>(
     kernel: &K,
     mask: &impl Mask<K>,
@@ -108,7 +109,7 @@ pub fn direct_masked<K: Kernel>(
     charges: &[K::Charge],
     targets: &[K::Target],
 ) -> Result<Vec<K::Value>, Error> {
-    Error::check_charges(sources.len(), charges.len())?;
+    check_charges(kernel, sources.len(), charges)?;
     let sum = |i: usize| {
         let mut u = [K::Value::zero()];
         for (j, y) in sources.iter().enumerate() {

@@ -61,16 +61,26 @@ impl<F: Formula, S: Scalar> WithSimd for Entries<'_, F, S> {
         let Self { formula, xs, ys, g } = self;
         let len = formula.fields() * formula.densities();
         let mut entries = vec![FormulaEntry::zero(); len];
-        for (x, g) in xs.iter().zip(g.chunks_exact_mut(ys.len() * len)) {
-            let x = everywhere(*x);
-            for (ys, g) in ys.chunks(LANES).zip(g.chunks_mut(LANES * len)) {
-                let at = F::Of::at::<Pack<S::Real>>(x, packed(ys));
-                formula.entries(at, &mut entries);
-                for (k, entry) in entries.iter().enumerate() {
-                    let [re, im] = entry.parts();
-                    for (lane, g) in g.chunks_exact_mut(len).enumerate() {
-                        g[k] = S::from_parts(re.0[lane], im.0[lane]);
-                    }
+        let mut pairs = |x, y, places: usize, g: &mut [S], stride: usize| {
+            formula.entries(F::Of::at::<Pack<S::Real>>(x, y), &mut entries);
+            for (k, entry) in entries.iter().enumerate() {
+                let [re, im] = entry.parts();
+                for lane in 0..places {
+                    g[lane * stride + k] = S::from_parts(re.0[lane], im.0[lane]);
+                }
+            }
+        };
+        let row = ys.len() * len;
+        if ys.len() >= xs.len() {
+            for (x, g) in xs.iter().zip(g.chunks_exact_mut(row.max(1))) {
+                for (ys, g) in ys.chunks(LANES).zip(g.chunks_mut(LANES * len.max(1))) {
+                    pairs(everywhere(*x), packed(ys), ys.len(), g, len);
+                }
+            }
+        } else {
+            for (xs, g) in xs.chunks(LANES).zip(g.chunks_mut(LANES * row.max(1))) {
+                for (j, y) in ys.iter().enumerate() {
+                    pairs(packed(xs), everywhere(*y), xs.len(), &mut g[j * len..], row);
                 }
             }
         }
@@ -91,7 +101,9 @@ pub(super) struct Near<'a, K: Kernel, F> {
 impl<K: Kernel, F: Formula> Near<'_, K, F> {
     /// Adds to the values.
     pub(super) fn add(self) {
-        if !self.ys.is_empty() {
+        let kernel = self.kernel;
+        let numbers = kernel.fields() * kernel.densities() * kernel.columns();
+        if !self.ys.is_empty() && numbers > 0 {
             dispatch_up_to_avx2(self);
         }
     }

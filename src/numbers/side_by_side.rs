@@ -69,7 +69,10 @@ impl<T: Real> Numbers for Complex<T> {
 
 impl<V: Numbers, const N: usize> Numbers for [V; N] {
     type Real = V::Real;
-    const LEN: usize = N * V::LEN;
+    const LEN: usize = {
+        assert!(V::LEN > 0 || size_of::<V>() == 0, "an array of lists has no length of its own");
+        N * V::LEN
+    };
     #[inline(always)]
     fn zero() -> Self {
         std::array::from_fn(|_| V::zero())

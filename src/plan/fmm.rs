@@ -5,6 +5,7 @@ use std::sync::Mutex;
 
 use crate::error::Error;
 use crate::expansion::{ChargeOf, Expansion, ValueOf};
+use crate::kernel::direct::check_charges;
 use crate::numbers::traits::Numbers;
 use crate::parallel;
 use crate::plan::estimate::Estimate;
@@ -85,10 +86,7 @@ impl<E: Expansion> Fmm<E> {
     }
 
     pub(crate) fn check_charges(&self, charges: &[ChargeOf<E>]) -> Result<(), Error> {
-        if charges.len() != self.plan.sources.len() {
-            let (expected, found) = (self.plan.sources.len(), charges.len());
-            return Err(Error::LengthMismatch { what: "charges", expected, found });
-        }
+        check_charges(self.plan.expansion.kernel(), self.plan.sources.len(), charges)?;
         match first_not_finite(charges) {
             Some(index) => Err(Error::NonFiniteCharge { index, charge: charges[index].to_f64s() }),
             None => Ok(()),

@@ -223,6 +223,18 @@ fn sizes_may_be_known_at_run_time_only() {
     }
     let fmm = Fmm::builder(&table).tolerance(1e-4).leaf_size(20).build(&points, &points).unwrap();
     assert!(fmm.report().stats.expansion_pairs > 0);
+    // A shorter list ends in zeros; a longer one would be cut.
+    let mut uneven = charges.clone();
+    uneven[3] = vec![0.0; side * columns];
+    let zeros = fmm.apply(&uneven).unwrap();
+    uneven[3] = Vec::new();
+    assert_eq!(fmm.apply(&uneven).unwrap(), zeros);
+    uneven[3] = vec![0.0; side * columns + 1];
+    let refusals = [fmm.apply(&uneven), direct(&table, &points, &uneven, &points)];
+    for refused in refusals {
+        let refused = refused.unwrap_err();
+        assert_eq!(refused, farfield::Error::ChargeTooLong { index: 3, expected: 15, found: 16 });
+    }
     let before = table.blocks.load(std::sync::atomic::Ordering::Relaxed);
     let values = fmm.apply(&charges).unwrap();
     assert!(relative_l2_error(&values[..60], &sums) < 1e-4);
