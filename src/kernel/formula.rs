@@ -112,8 +112,8 @@ fn varying<N: Number>(p: Coordinates<N>) -> Coordinates<Dual<N>> {
 
 /// An entry of a [`Formula`] in numbers of type `N`: `N` itself or a complex number.
 ///
-/// Implemented for these two only.
-pub trait FormulaEntry<N: Number>: Copy {
+/// Sealed: there are no others.
+pub trait FormulaEntry<N: Number>: Copy + sealed::Sealed {
     /// The entry of one pair.
     type Scalar: Scalar<Real = N::Real>;
     /// Zero.

@@ -5,10 +5,11 @@ use num_complex::Complex;
 
 use crate::numbers::traits::{Real, Scalar, sealed};
 
+impl<N> sealed::Sealed for Complex<N> {}
+
 macro_rules! scalars {
     ($t:ty, $vector:ty) => {
         impl sealed::Sealed for $t {}
-        impl sealed::Sealed for Complex<$t> {}
 
         impl Scalar for $t {
             const COMPLEX: bool = false;

@@ -96,7 +96,7 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
         self
     }
 
-    /// Whom to tell how far building has come, possibly from several threads at once.
+    /// A callback that is told how far building has come. It may be called from several threads at once.
     pub fn progress<'b>(self, report: &'b (dyn Fn(Progress) + Sync)) -> Builder<'b, E, M> {
         let Self { expansion, mask, choices } = self;
         Builder { expansion, mask, choices: Choices { progress: Some(report), ..choices } }
