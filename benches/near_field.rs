@@ -97,7 +97,7 @@ fn near_field(criterion: &mut Criterion) {
     measure(criterion, "1/r, f64", &inverse, f64s, &charges, all);
     measure(criterion, "1/r and gradient, f64", &inverse.with_gradient(), f64s, &charges, all);
     let columns: Vec<[f64; 3]> = charges.iter().map(|q| [*q, 1.0, 2.0 * q]).collect();
-    measure(criterion, "1/r, 3 columns, f64", &inverse.columns(), f64s, &columns, all);
+    measure(criterion, "1/r, 3 columns, f64", &inverse.charges(), f64s, &columns, all);
     let formula = from_fn(|x: DVec3, y: DVec3| 1.0 / x.distance(y)).skip_coincident();
     measure(criterion, "formula 1/r, f64", &formula, f64s, &charges, none);
     let yukawa = from_fn(|x: DVec3, y: DVec3| {

@@ -50,8 +50,7 @@ fn main() -> Result<(), farfield::Error> {
     let exact = direct(&kernel, &points, &charges, &points[..500])?;
     check("second derivatives", relative_l2_error(&potentials[..500], &exact));
 
-    // Far from its centre a Gaussian of width σ solves no equation, but its derivatives at one point can
-    // be checked by hand: at d = (σ, 0, 0) the slope along x is −K/σ and the curvature is 0.
+    // At d = (σ, 0, 0) the derivatives are known: the slope along x is −K/σ and the curvature is 0.
     let alone = direct(&kernel, &[DVec3::ZERO], &[1.0], &[DVec3::X * gaussian.sigma])?[0];
     assert!((alone.gradient[0] + alone.value / gaussian.sigma).abs() < 1e-14);
     assert!(alone.hessian[0].abs() < 1e-14);

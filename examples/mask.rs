@@ -67,7 +67,7 @@ fn main() -> Result<(), farfield::Error> {
         POINTS * POINTS
     );
     assert!(error <= TOLERANCE, "error {error:e}, expected at most {TOLERANCE:e}");
-    // Half of the pairs are parted by the wall, or nearly: none of them was summed.
+    // Only pairs on one side of the wall were counted.
     let counted = stats.direct_pairs + stats.expansion_pairs;
     let left = points.iter().filter(|p| wall.is_left(*p)).count() as u64;
     let right = POINTS as u64 - left;

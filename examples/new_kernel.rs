@@ -8,7 +8,7 @@
 //! ```
 
 use farfield::glam::DVec3;
-use farfield::{Fmm, Kernel, Located, direct, from_fn, relative_l2_error};
+use farfield::{Fmm, Kernel, Located, direct, formula, relative_l2_error};
 
 const POINTS: usize = 5_000;
 const TOLERANCE: f64 = 1e-4;
@@ -20,8 +20,7 @@ fn main() -> Result<(), farfield::Error> {
     // K(x, y) = exp(−κ|x − y|) / |x − y|: a charge screened over the length 1/κ. A point does not
     // act on itself, where the formula is singular.
     let kappa = 2.0;
-    let screened =
-        from_fn(move |x: DVec3, y: DVec3| (-kappa * x.distance(y)).exp() / x.distance(y));
+    let screened = formula!(|d; kappa| (-d.length() * kappa).exp() / d.length());
     let kernel = screened.skip_coincident();
     let fmm = Fmm::builder(kernel).tolerance(TOLERANCE).build(&points, &points)?;
     let potentials = fmm.apply(&charges)?;
@@ -72,6 +71,7 @@ impl Kernel for DipolePotential {
         3
     }
 
+    /// The one number of a charge makes three densities, so it does not say how many columns there are.
     fn columns(&self) -> usize {
         1
     }

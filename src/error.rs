@@ -79,6 +79,29 @@ pub enum Error {
         /// How many there are.
         found: usize,
     },
+    /// A kernel without fields or without densities has no entries.
+    #[error(
+        "the kernel has {fields} fields and {densities} densities: expected one of each or more"
+    )]
+    EmptyKernel {
+        /// Its fields.
+        fields: usize,
+        /// Its densities.
+        densities: usize,
+    },
+    /// The type of charges or values does not have as many numbers as the kernel.
+    #[error(
+        "a {what} of this kernel has {expected} numbers for each right-hand side: expected a type of as \
+         many, or a multiple of it; found one of {found}"
+    )]
+    KernelSize {
+        /// `charge` or `value`.
+        what: &'static str,
+        /// The numbers that the kernel makes of one right-hand side.
+        expected: usize,
+        /// The numbers of the type.
+        found: usize,
+    },
     /// More points than the engine's 32-bit indices can number.
     #[error("{found} {set}s: expected at most {limit}")]
     TooManyPoints {

@@ -34,6 +34,8 @@
 //! | an analytic expansion | [`Expansion`]: P2M, M2M, M2L, L2L, L2P; held to its laws by [`conformance::check`] |
 //! | pairs that must not count (occlusion, exclusions) | [`Mask`]: what holds between two cells, and for one pair |
 //!
+//! Features: `ndarray` takes rows of arrays as points (`rows_as_points`), `serde` serialises reports.
+//!
 //! # What to expect
 //!
 //! [`Fmm`] is a plan: built once from the points, applied to any number of charges. Results have the

@@ -20,8 +20,9 @@ use crate::plan::fmm::{Fmm, check_values};
 ///
 /// All errors are relative to ‖u‖, the l2 norm of the exact values. *Exact* means: each K(x, y) q as the
 /// kernel rounds it at full accuracy, their sum in twice the working precision, over the pairs that
-/// count. Which those are is taken from the plan, so that a mask is not asked again; pairs of which a
-/// mask says that a [share](crate::Coverage::Eighths) counts are taken by their share.
+/// count. Which those are is taken from the plan, so that a mask is not asked again; pairs that
+/// count in part, by what the mask says of them or of [their cells](crate::Coverage::Eighths), are taken by
+/// their share.
 ///
 /// What a tolerance can't promise: expansions and near field err relative to Σ_j ‖K(x, y_j) q_j‖. Where
 /// the terms of a sum cancel, u is smaller than that by the [condition number](Self::condition), and

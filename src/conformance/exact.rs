@@ -3,6 +3,7 @@
 use std::marker::PhantomData;
 
 use crate::expansion::Expansion;
+use crate::kernel::pair_loop::PairLoop;
 use crate::kernel::traits::{Kernel, Outcome};
 use crate::numbers::traits::{Located, Point, Real, Vector};
 use crate::octree::geometry::Cell;
@@ -61,6 +62,20 @@ macro_rules! one_term {
 
             fn entries(&self, x: Point<T>, y: Point<T>, g: &mut [T]) {
                 g[0] = Self::factor(x - y);
+            }
+
+            fn add_block(
+                &self,
+                xs: &[Point<T>],
+                ys: &[Point<T>],
+                qs: &[T],
+                _tolerance: f64,
+                us: &mut [T],
+            ) {
+                let add = |x: &Point<T>, y: &Point<T>, q: &T, u: &mut T| {
+                    *u += Self::factor(*x - *y) * *q;
+                };
+                PairLoop { add, xs, ys, qs, us }.run();
             }
         }
 

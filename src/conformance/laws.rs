@@ -4,8 +4,8 @@ use crate::conformance::samples::Samples;
 use crate::conformance::violation::Violation;
 use crate::expansion::{ChargeOf, Expansion, Geometry, Level, RealOf, SourceOf, TargetOf};
 use crate::kernel::direct::relative_l2_error;
-use crate::kernel::traits::{Kernel, add_by_entries};
-use crate::numbers::traits::{Located, Numbers, Point, Real, Vector};
+use crate::kernel::traits::{Kernel, Outcome, add_by_entries};
+use crate::numbers::traits::{Located, Numbers, Point, Real, Scalar, Vector};
 use crate::octree::geometry::{Cell, Cube};
 
 use crate::conformance::cell_pair::{CellPair, LEVEL, OFFSETS, POINTS, UNANNOUNCED, scatter};
@@ -37,16 +37,16 @@ where
     });
     expansion.prepare(&Geometry { root, levels: levels.to_vec() })?;
     for offset in OFFSETS.into_iter().chain(UNANNOUNCED) {
-        let bench = CellPair::new(&expansion, samples, &root, offset);
-        bench.operators(tolerance)?;
-        bench.chains(tolerance)?;
+        let cells = CellPair::new(&expansion, samples, &root, offset);
+        cells.operators(tolerance)?;
+        cells.chains(tolerance)?;
     }
     Ok(())
 }
 
 /// Checks that a kernel's methods agree with each other: [`add_block`](Kernel::add_block) and [`add_pairs`](Kernel::add_pairs) give what density, entries and
 /// value give together, and [`entries_block`](Kernel::entries_block) gives the entries of each pair; all
-/// to the relative l2 error `tolerance`, at well-separated points.
+/// to the relative l2 error `tolerance`, at well-separated points. Gradients are held against differences.
 ///
 /// # Errors
 /// The first method that differs.
@@ -73,14 +73,23 @@ where
     add_by_entries(kernel, &xs, &ys, &qs, &mut factored);
     let mut by_block = zeros();
     kernel.add_block(&xs, &ys, &qs, 0.0, &mut by_block);
-    let mut by_bits = zeros();
-    let all_bits = vec![u64::MAX; (POINTS * POINTS).div_ceil(64)];
-    kernel.add_pairs(&xs, &ys, &qs, &all_bits, 0.0, &mut by_bits);
-    let sums = [("add_block", by_block), ("add_pairs", by_bits)];
-    for (operator, sums) in sums {
-        let fault = "differs from value ∘ entries ∘ density";
-        agree(operator, fault, relative_l2_error(&sums, &factored), tolerance)?;
+    let deviation = relative_l2_error(&by_block, &factored);
+    agree("add_block", "differs from value ∘ entries ∘ density", deviation, tolerance)?;
+
+    // Two of three pairs count.
+    let counts = |pair: usize| pair % 3 != 1;
+    let mut bits = vec![0u64; (POINTS * POINTS).div_ceil(64)];
+    for pair in (0..POINTS * POINTS).filter(|&pair| counts(pair)) {
+        bits[pair / 64] |= 1 << (pair % 64);
     }
+    let (mut by_bits, mut by_pairs) = (zeros(), zeros());
+    kernel.add_pairs(&xs, &ys, &qs, &bits, 0.0, &mut by_bits);
+    for pair in (0..POINTS * POINTS).filter(|&pair| counts(pair)) {
+        let (i, j) = (pair / POINTS, pair % POINTS);
+        kernel.add_block(&xs[i..=i], &ys[j..=j], &qs[j..=j], 0.0, &mut by_pairs[i..=i]);
+    }
+    let deviation = relative_l2_error(&by_bits, &by_pairs);
+    agree("add_pairs", "differs from add_block of its pairs", deviation, tolerance)?;
 
     let [xs, ys] = [
         xs.iter().map(Located::position).collect::<Vec<_>>(),
@@ -94,7 +103,47 @@ where
         kernel.entries(xs[pair / POINTS], ys[pair % POINTS], g);
     }
     let deviation = relative_l2_error(&block, &pairs);
-    agree("entries_block", "differs from entries", deviation, tolerance)
+    agree("entries_block", "differs from entries", deviation, tolerance)?;
+    if kernel.needs_gradients() { check_gradients(kernel, &xs, &ys, tolerance) } else { Ok(()) }
+}
+
+/// Holds gradients against central differences of entries, to `tolerance` or what differences can tell.
+fn check_gradients<K: Kernel>(
+    kernel: &K,
+    xs: &[Point<K::Real>],
+    ys: &[Point<K::Real>],
+    tolerance: f64,
+) -> Result<(), Violation> {
+    let zero = <K::Entry as Numbers>::zero();
+    let epsilon = <K::Real as num_traits::Float>::epsilon().as_f64();
+    // Truncation costs step², rounding ε/step; the points are some units apart.
+    let step = epsilon.cbrt();
+    let len = kernel.fields() * kernel.densities();
+    let (mut exact, mut found) = (Vec::new(), Vec::new());
+    let mut slopes = vec![[zero; 3]; len];
+    let [mut after, mut before] = [vec![zero; len], vec![zero; len]];
+    for (&x, &y) in xs.iter().zip(ys) {
+        if kernel.entry_gradients(x, y, &mut slopes) == Outcome::Declined {
+            return Ok(());
+        }
+        for axis in 0..3 {
+            let mut along = [K::Real::from_f64(0.0); 3];
+            along[axis] = K::Real::from_f64(step);
+            let h = Point::<K::Real>::from_array(along);
+            kernel.entries(x + h, y, &mut after);
+            kernel.entries(x - h, y, &mut before);
+            let per_length = K::Entry::from_real(K::Real::from_f64(0.5 / step));
+            exact.extend(after.iter().zip(&before).map(|(&a, &b)| (a - b) * per_length));
+            found.extend(slopes.iter().map(|slope| slope[axis]));
+        }
+    }
+    let bound = tolerance.max(100.0 * epsilon.cbrt().powi(2));
+    agree(
+        "entry_gradients",
+        "differs from differences of entries",
+        relative_l2_error(&found, &exact),
+        bound,
+    )
 }
 
 /// Refuses a deviation that is more than the bound, or not a number.
@@ -154,7 +203,7 @@ mod tests {
             target: |p: DVec3, _| p,
             charge: |i| [1.0, i as f64, -0.5],
         };
-        let kernel = from_fn(inverse).columns::<[f64; 3]>();
+        let kernel = from_fn(inverse).charges::<[f64; 3]>();
         check(Interpolation::new(kernel).tolerance(1e-4), &columns, 1e-4).unwrap();
 
         let waves = Samples {

@@ -6,9 +6,9 @@ use crate::error::Error;
 #[derive(Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Violation {
-    /// The expansion could not be prepared.
-    #[error("prepare: {0}")]
-    Prepare(#[from] Error),
+    /// The engine refuses the kernel or the expansion.
+    #[error("{0}")]
+    Engine(#[from] Error),
     /// An operator is not additive in its input or overwrites its output.
     #[error("{operator} {fault}: relative deviation {deviation:e}, expected at most {bound:e}")]
     Operator {

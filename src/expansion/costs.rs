@@ -2,8 +2,8 @@
 
 /// What the operators of an expansion cost, and how exact the sums beside it have to be.
 ///
-/// Everything has a default, which is never wrong, only slower than it could be:
-/// [`Costs::new`] or [`Expansion::costs`](crate::Expansion::costs).
+/// Everything has a default, see [`Costs::new`]. Sums are right whatever is said here; better figures make
+/// them faster.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Costs {
     /// The relative error that [`Kernel::add_block`](crate::Kernel::add_block) may make in a pair of the
@@ -45,7 +45,7 @@ impl Costs {
     ///
     /// A cell of s points is worth splitting into eight when 27 s² pairs take longer than 27 s²/8 pairs
     /// and the translations for eight leaves.
-    pub fn leaf_size(&self, pair_seconds: f64) -> usize {
+    pub(crate) fn leaf_size(&self, pair_seconds: f64) -> usize {
         let Some(leaf_seconds) = self.leaf_seconds else { return DEFAULT_LEAF_SIZE };
         let largest = (8.0 * leaf_seconds / (27.0 * pair_seconds)).sqrt();
         (largest as usize).clamp(SMALLEST_LEAF_SIZE, LARGEST_LEAF_SIZE)

@@ -71,10 +71,13 @@ impl<K: Kernel, M: Mask<K>> CellMask for PointMask<'_, K, M> {
         let pairs = targets.points.len() * columns;
         let mut partly = Partly { words: vec![0; pairs.div_ceil(64)], shares: Vec::new() };
         self.mask.pairs(targets, sources, &mut |i, j, share| {
-            if share == 1.0 {
+            if i >= targets.points.len() || j >= columns {
+                // Refused like any other answer that is none.
+                partly.shares.push((0, 0, f64::NAN));
+            } else if share == 1.0 {
                 let bit = i * columns + j;
                 partly.words[bit / 64] |= 1 << (bit % 64);
-            } else {
+            } else if share != 0.0 {
                 partly.shares.push((i as u32, j as u32, share));
             }
         });

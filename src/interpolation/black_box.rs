@@ -1,4 +1,4 @@
-//! Interpolation of any point kernel: what is asked for, and what is prepared.
+//! Interpolation of any kernel: what is asked for, and what is prepared.
 
 use std::fmt;
 

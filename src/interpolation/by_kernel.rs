@@ -1,6 +1,8 @@
 //! M2L, M2P and P2L through the kernel itself, between skeleton points: for offsets that no operator
 //! was built for, and for kernels that are not translation invariant.
 
+use num_traits::Float;
+
 use crate::interpolation::black_box::Interpolation;
 use crate::interpolation::prepared::Prepared;
 use crate::interpolation::probe::zero;
@@ -24,12 +26,12 @@ impl<K: Kernel> Interpolation<K> {
         let charges = from_basis.skeleton_charges(self.rule(), from);
         let [fields, densities, columns] = self.sizes();
         let mut values = vec![zero::<K::Entry>(); columns * fields * xs.len()];
-        let mut g = vec![zero::<K::Entry>(); fields * densities];
         let (origin, centre) = self.seen(source, target.centre());
+        let positions: Vec<_> = xs.iter().map(|&x| centre + x * target.half_width()).collect();
+        let mut g = vec![zero::<K::Entry>(); xs.len() * fields * densities];
         for (b, &y) in ys.iter().enumerate() {
-            let y = origin + y * source.half_width();
-            for (a, &x) in xs.iter().enumerate() {
-                self.kernel.entries(centre + x * target.half_width(), y, &mut g);
+            self.kernel.entries_block(&positions, &[origin + y * source.half_width()], &mut g);
+            for (a, g) in g.chunks_exact(fields * densities).enumerate() {
                 for column in 0..columns {
                     for (k, &entry) in g.iter().enumerate() {
                         let (field, density) = (k / densities, k % densities);
@@ -60,27 +62,34 @@ impl<K: Kernel> Interpolation<K> {
         let [fields, densities, columns] = self.sizes();
         let gradient = self.kernel.needs_gradients();
         let entries = fields * densities;
-        let mut g = vec![zero::<K::Entry>(); entries];
+        let mut g = vec![zero::<K::Entry>(); ys.len() * entries];
+        let mut positions = Vec::with_capacity(ys.len());
         let mut dg = vec![[zero::<K::Entry>(); 3]; if gradient { entries } else { 0 }];
         let mut received = vec![zero::<K::Entry>(); fields * columns];
         let mut slopes = vec![[zero::<K::Entry>(); 3]; if gradient { fields * columns } else { 0 }];
-        for (x, u) in targets.iter().zip(values) {
+        for (i, (x, u)) in targets.iter().zip(values).enumerate() {
             let (centre, position) = self.seen(cell, Located::position(x));
             received.fill(zero());
             slopes.fill([zero(); 3]);
-            for (b, &y) in ys.iter().enumerate() {
-                let y = centre + y * cell.half_width();
-                self.kernel.entries(position, y, &mut g);
+            positions.clear();
+            positions.extend(ys.iter().map(|&y| centre + y * cell.half_width()));
+            self.kernel.entries_block(&[position], &positions, &mut g);
+            for (b, (&y, g)) in positions.iter().zip(g.chunks_exact(entries)).enumerate() {
                 if gradient
                     && self.kernel.entry_gradients(position, y, &mut dg) == Outcome::Declined
                 {
-                    return Outcome::Declined;
+                    if i == 0 && b == 0 {
+                        return Outcome::Declined;
+                    }
+                    // Values have been added already. What is no number is seen by the engine and named.
+                    let unknown = K::Entry::from_real(<K::Real as Float>::nan());
+                    dg.fill([unknown; 3]);
                 }
-                for k in 0..entries {
+                for (k, &entry) in g.iter().enumerate() {
                     let (field, density) = (k / densities, k % densities);
                     for column in 0..columns {
                         let charge = charges[(column * densities + density) * ys.len() + b];
-                        received[field * columns + column] += g[k] * charge;
+                        received[field * columns + column] += entry * charge;
                         if gradient {
                             let sums = &mut slopes[field * columns + column];
                             for (sum, &slope) in sums.iter_mut().zip(&dg[k]) {
@@ -107,13 +116,16 @@ impl<K: Kernel> Interpolation<K> {
         let xs = &basis.skeleton.points;
         let [fields, densities, columns] = self.sizes();
         let mut values = vec![zero::<K::Entry>(); columns * fields * xs.len()];
-        let mut g = vec![zero::<K::Entry>(); fields * densities];
+        let mut g = vec![zero::<K::Entry>(); xs.len() * fields * densities];
         let mut sent = vec![zero::<K::Entry>(); densities * columns];
+        let mut positions = Vec::with_capacity(xs.len());
         for (y, q) in sources.iter().zip(charges) {
             self.kernel.density(y, q, &mut sent);
             let (centre, position) = self.seen(cell, Located::position(y));
-            for (a, &x) in xs.iter().enumerate() {
-                self.kernel.entries(centre + x * cell.half_width(), position, &mut g);
+            positions.clear();
+            positions.extend(xs.iter().map(|&x| centre + x * cell.half_width()));
+            self.kernel.entries_block(&positions, &[position], &mut g);
+            for (a, g) in g.chunks_exact(fields * densities).enumerate() {
                 for (k, &entry) in g.iter().enumerate() {
                     let (field, density) = (k / densities, k % densities);
                     for column in 0..columns {

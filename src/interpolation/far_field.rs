@@ -234,10 +234,11 @@ pub(crate) fn products<T: Real>(p: Point<T>, n: usize) -> Vec<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::interpolation::probe::pairwise;
     use glam::DVec3;
 
     fn error(f: fn(f64) -> f64, n: usize, half_width: f64) -> f64 {
-        let entries = |x: DVec3, y: DVec3, g: &mut [f64]| g[0] = f(x.distance(y));
+        let entries = pairwise(1, |x, y, g| g[0] = f(x.distance(y)));
         let kernel = Entries::new(1, 1, &entries);
         let far = FarField::new(half_width, 8.0, 1);
         far.interpolation_error(&kernel, &Chebyshev::new(n), far.size(&kernel))
@@ -264,7 +265,7 @@ mod tests {
 
     #[test]
     fn columns_hold_the_coefficients_of_the_far_field() {
-        let entries = |x: DVec3, y: DVec3, g: &mut [f64]| g[0] = 1.0 / x.distance(y);
+        let entries = pairwise(1, |x, y, g| g[0] = 1.0 / x.distance(y));
         let kernel = Entries::new(1, 1, &entries);
         let (far, rule) = (FarField::new(0.25, 20.0, 1), Chebyshev::new(9));
         let columns = far.columns(&kernel, &rule, f64::INFINITY);

@@ -4,10 +4,8 @@ use pulp::Simd;
 
 use crate::interpolation::probe::zero;
 use crate::linalg::matrix::Matrix;
+use crate::numbers::lanes::LANES;
 use crate::numbers::traits::Scalar;
-
-/// Numbers that are summed side by side, in registers.
-pub(crate) const LANES: usize = 8;
 
 /// a b + c, rounded once where the processor can do that.
 #[inline(always)]

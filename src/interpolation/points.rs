@@ -11,8 +11,9 @@ use pulp::{Simd, WithSimd};
 use crate::dispatch_level::dispatch;
 use crate::interpolation::basis::Basis;
 use crate::interpolation::chebyshev::{derivatives_in_lanes, polynomials_in_lanes};
-use crate::interpolation::lanes::{LANES, fuse, multiply_add, row};
+use crate::interpolation::lanes::{fuse, multiply_add, row};
 use crate::interpolation::tuning::{MAX_ORDER, POINTS_TOGETHER, ROWS_TOGETHER};
+use crate::numbers::lanes::LANES;
 use crate::numbers::traits::{Real, Scalar};
 
 /// P2M of a cell.
@@ -44,7 +45,7 @@ impl<S: Scalar> WithSimd for Moments<'_, S> {
     #[inline(always)]
     fn with_simd<V: Simd>(self, _: V) {
         let Self { basis, powers, points, numbers, arrays, sums, multipole } = self;
-        if basis.rank() == 0 {
+        if multipole.is_empty() {
             return;
         }
         powers.add_moments::<V>(points, numbers, arrays);
@@ -85,7 +86,7 @@ impl<S: Scalar> WithSimd for Fields<'_, S> {
     #[inline(always)]
     fn with_simd<V: Simd>(self, _: V) {
         let Self { basis, powers, points, numbers, arrays, local, gradient } = self;
-        if basis.rank() == 0 {
+        if local.is_empty() {
             return;
         }
         let len = arrays.len() / (local.len() / basis.rank());
@@ -168,9 +169,10 @@ impl<T: Real> Powers<T> {
         for (chunk, side_by_side) in points.chunks(LANES).enumerate() {
             self.set(side_by_side, gradients);
             for (c, coefficients) in coefficients.chunks_exact(n * row).enumerate() {
-                let sums = match gradients {
-                    true => self.fields::<V, true>(coefficients),
-                    false => self.fields::<V, false>(coefficients),
+                let sums = if gradients {
+                    self.fields::<V, true>(coefficients)
+                } else {
+                    self.fields::<V, false>(coefficients)
                 };
                 for (part, sums) in sums[..parts].iter().enumerate() {
                     let fields = &mut fields[(c * parts + part) * count + chunk * LANES..];

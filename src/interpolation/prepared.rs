@@ -11,7 +11,7 @@ use crate::interpolation::far_field::FarField;
 use crate::interpolation::level::LevelOperators;
 use crate::interpolation::means::Means;
 use crate::interpolation::operators::{Accuracy, Operators, Sizes, fewest_nodes};
-use crate::interpolation::probe::{self, Entries, PointOf, zero};
+use crate::interpolation::probe::{self, Entries};
 use crate::interpolation::transfer::Transfers;
 use crate::interpolation::tuning::{EXTENDED_BYTES, SAMPLED_EXTENT};
 use crate::linalg::matrix::Matrix;
@@ -93,23 +93,11 @@ impl<S: Scalar> Everywhere<S> {
             Accuracy::Tolerance(requested) => requested,
         };
         let centre = geometry.root.centre();
-        let at_centre = |xs: &[PointOf<S>], ys: &[PointOf<S>], g: &mut [S]| {
-            let moved =
-                |points: &[PointOf<S>]| points.iter().map(|&p| centre + p).collect::<Vec<_>>();
-            let (xs, len) = (moved(xs), kernel.fields * kernel.densities);
-            // Blocks have one source, or one target where the kernel is transposed.
-            for (j, &y) in moved(ys).iter().enumerate() {
-                let mut column = vec![zero::<S>(); xs.len() * len];
-                kernel.write(&xs, y, &mut column);
-                for (i, entries) in column.chunks_exact(len).enumerate() {
-                    g[(i * ys.len() + j) * len..][..len].copy_from_slice(entries);
-                }
-            }
-        };
-        let kernel = Entries::new(kernel.fields, kernel.densities, &at_centre);
         let half_widths = geometry.levels.iter().map(|level| level.half_width);
-        let rule = kernel.in_units_of(probe::unit(&kernel, half_widths), |kernel| {
-            Self::rule(kernel, requested, geometry)
+        let rule = kernel.seen_from(centre, |kernel| {
+            kernel.in_units_of(probe::unit(kernel, half_widths), |kernel| {
+                Self::rule(kernel, requested, geometry)
+            })
         })?;
         Ok(Self::with_order(rule.len(), kernel.fields, kernel.densities))
     }

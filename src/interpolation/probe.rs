@@ -40,15 +40,25 @@ impl<'a, S: Scalar> Entries<'a, S> {
         work: impl FnOnce(&Entries<'_, S>) -> V,
     ) -> V {
         let shrink = S::from_real(unit.recip());
-        let (fields, densities) = (self.fields, self.densities);
         let block = |xs: &[PointOf<S>], ys: &[PointOf<S>], g: &mut [S]| {
             (self.block)(xs, ys, g);
             g.iter_mut().for_each(|entry| *entry *= shrink);
         };
-        let (fields, densities) =
-            if self.transposed { (densities, fields) } else { (fields, densities) };
-        let over = Entries::new(fields, densities, &block);
-        work(&if self.transposed { over.transpose() } else { over })
+        work(&Entries { block: &block, ..*self })
+    }
+
+    /// Does `work` with the kernel as it is seen from `origin`.
+    pub(crate) fn seen_from<V>(
+        &self,
+        origin: PointOf<S>,
+        work: impl FnOnce(&Entries<'_, S>) -> V,
+    ) -> V {
+        let block = |xs: &[PointOf<S>], ys: &[PointOf<S>], g: &mut [S]| {
+            let [xs, ys] = [xs, ys]
+                .map(|points| -> Vec<PointOf<S>> { points.iter().map(|&p| origin + p).collect() });
+            (self.block)(&xs, &ys, g);
+        };
+        work(&Entries { block: &block, ..*self })
     }
 
     /// Writes the field of a source at points: for each density, for each component of the field, the
@@ -300,21 +310,22 @@ pub(crate) fn norm_squared<S: Scalar>(g: &[S]) -> f64 {
     g.iter().map(Numbers::norm_squared).sum()
 }
 
+/// The block of a formula that is given pair by pair.
+#[cfg(test)]
+pub(crate) fn pairwise(
+    len: usize,
+    pair: impl Fn(glam::DVec3, glam::DVec3, &mut [f64]) + Sync,
+) -> impl Fn(&[glam::DVec3], &[glam::DVec3], &mut [f64]) + Sync {
+    move |xs, ys, g| {
+        let pairs = xs.iter().flat_map(|x| ys.iter().map(move |y| (*x, *y)));
+        pairs.zip(g.chunks_exact_mut(len)).for_each(|((x, y), g)| pair(x, y, g));
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use glam::DVec3;
-
-    /// The block of a formula that is given pair by pair.
-    fn pairwise(
-        len: usize,
-        pair: impl Fn(DVec3, DVec3, &mut [f64]) + Sync,
-    ) -> impl Fn(&[DVec3], &[DVec3], &mut [f64]) + Sync {
-        move |xs, ys, g| {
-            let pairs = xs.iter().flat_map(|x| ys.iter().map(move |y| (*x, *y)));
-            pairs.zip(g.chunks_exact_mut(len)).for_each(|((x, y), g)| pair(x, y, g));
-        }
-    }
 
     /// Asks a question about a scalar formula.
     fn ask<R>(

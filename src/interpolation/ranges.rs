@@ -71,13 +71,14 @@ impl<'a, S: Scalar> Factors<'a, S> {
     pub(crate) fn compress(&self) -> (Side<S>, Side<S>, Vec<Matrix<S>>) {
         let Bases { source, target, reflected, .. } = self.bases;
         let p = self.side(false);
-        let q = match *reflected && Arc::ptr_eq(source, target) {
+        let q = if *reflected && Arc::ptr_eq(source, target) {
             // C_oᵀ = C_{−o} = S C_o S with the signs of all three axes.
-            true => Side {
+            Side {
                 functions: signed(&target.signs[7], &p.functions.map(S::conjugate)),
                 classes: p.classes.clone(),
-            },
-            false => self.side(true),
+            }
+        } else {
+            self.side(true)
         };
         // Pᴴ S X_t and X_sᵀ S Q
         let from_source = source.skeleton.from_values.transpose();
@@ -235,12 +236,13 @@ mod tests {
     use crate::interpolation::basis::Spectrum;
     use crate::interpolation::chebyshev::Chebyshev;
     use crate::interpolation::far_field::FarField;
+    use crate::interpolation::probe::pairwise;
     use crate::interpolation::probe::parities;
     use glam::DVec3;
 
     /// The largest ‖C_o − P W_o Qᴴ‖ of the offsets of one direction, relative to the cut-off; the rank.
     fn worst(kernel: fn(DVec3) -> f64, reflected: bool, cut: f64) -> (f64, usize) {
-        let entries = |x: DVec3, y: DVec3, g: &mut [f64]| g[0] = kernel(x - y);
+        let entries = pairwise(1, |x, y, g| g[0] = kernel(x - y));
         let (kernel, rule) = (Entries::new(1, 1, &entries), Chebyshev::new(7));
         let far = FarField::new(0.5, 8.0, if reflected { 1 } else { 2 });
         let parities = parities(&kernel, 0.5).map(|parities| parities.fields);

@@ -349,13 +349,14 @@ mod tests {
     use crate::interpolation::basis::Spectrum;
     use crate::interpolation::chebyshev::Chebyshev;
     use crate::interpolation::far_field::FarField;
+    use crate::interpolation::probe::pairwise;
     use crate::octree::geometry::{Cell, Cube};
     use glam::DVec3;
     use std::sync::Arc;
 
     #[test]
     fn a_pair_alone_and_a_pair_of_a_level_are_the_same() {
-        let entries = |x: DVec3, y: DVec3, g: &mut [f64]| g[0] = 1.0 / x.distance(y);
+        let entries = pairwise(1, |x, y, g| g[0] = 1.0 / x.distance(y));
         let (kernel, rule) = (Entries::new(1, 1, &entries), Chebyshev::new(4));
         let far = FarField::new(1.0 / 32.0, 8.0, 1);
         let spectrum = Spectrum::new(&kernel, Some(&[0]), &far, &rule, f64::INFINITY).unwrap();

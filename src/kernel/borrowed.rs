@@ -1,6 +1,7 @@
 //! A borrowed kernel is a kernel: whoever keeps one can build several plans with it, and still has it
 //! if one can't be built.
 
+use crate::error::Error;
 use crate::kernel::traits::{Kernel, Outcome};
 use crate::numbers::traits::Point;
 
@@ -30,6 +31,14 @@ impl<K: Kernel> Kernel for &K {
     #[inline(always)]
     fn columns(&self) -> usize {
         (**self).columns()
+    }
+
+    fn check_sizes(&self) -> Result<(), Error> {
+        (**self).check_sizes()
+    }
+
+    fn charge_len(&self) -> usize {
+        (**self).charge_len()
     }
 
     #[inline(always)]

@@ -11,7 +11,7 @@ use crate::numbers::traits::{Located, Numbers, Point, Scalar};
 /// A kernel given by its formula alone: a closure from (target, source) to a real or complex number.
 ///
 /// Charges and values have the type that the closure returns; see
-/// [`columns`](FnKernel::columns) for several right-hand sides at once, and
+/// [`charges`](FnKernel::charges) for several right-hand sides at once, and
 /// [`gradient`](FnKernel::gradient) for the gradient of the sum. The formula is evaluated at
 /// coincident points too, and what it gives there counts unless
 /// [`skip_coincident`](FnKernel::skip_coincident) is asked for.
@@ -59,7 +59,7 @@ impl<F, P, V, C> FnKernel<F, P, V, C> {
     }
 
     /// The same kernel for charges of another type, such as `[f64; 3]` for three right-hand sides.
-    pub fn columns<D>(self) -> FnKernel<F, P, V, D> {
+    pub fn charges<D>(self) -> FnKernel<F, P, V, D> {
         FnKernel { f: self.f, skip_coincident: self.skip_coincident, types: PhantomData }
     }
 
@@ -158,12 +158,7 @@ where
     }
 
     fn value(&self, _: &P, fields: &[V], gradients: &[[V; 3]], u: &mut WithGradient<C>) {
-        for (k, (&field, gradient)) in fields.iter().zip(gradients).enumerate() {
-            u.value.set_column(k, u.value.column::<V>(k) + field);
-            for (sum, &part) in u.gradient.iter_mut().zip(gradient) {
-                sum.set_column(k, sum.column::<V>(k) + part);
-            }
-        }
+        u.add(fields, gradients);
     }
 
     #[inline(always)]
@@ -209,7 +204,7 @@ mod tests {
 
     #[test]
     fn columns_share_the_formula() {
-        let kernel = from_fn(|x: DVec3, y: DVec3| x.distance(y)).columns::<[f64; 2]>();
+        let kernel = from_fn(|x: DVec3, y: DVec3| x.distance(y)).charges::<[f64; 2]>();
         let sum = direct(&kernel, &[DVec3::ZERO], &[[1.0, -3.0]], &[DVec3::Y * 2.0]).unwrap();
         assert_eq!(sum, [[2.0, -6.0]]);
     }

@@ -17,25 +17,28 @@ pub struct WithHessian<C> {
 
 impl<C: Numbers> Numbers for WithHessian<C> {
     type Real = C::Real;
-    const LEN: usize = 10 * C::LEN;
+    const LEN: usize = {
+        assert!(C::LEN > 0 || size_of::<C>() == 0, "a list has no length of its own");
+        10 * C::LEN
+    };
 
     fn zero() -> Self {
         Self { value: C::zero(), gradient: Numbers::zero(), hessian: Numbers::zero() }
     }
 
-    fn get(&self, index: usize) -> C::Real {
+    fn number(&self, index: usize) -> C::Real {
         match index / C::LEN {
-            0 => self.value.get(index),
-            1..4 => self.gradient.get(index - C::LEN),
-            _ => self.hessian.get(index - 4 * C::LEN),
+            0 => self.value.number(index),
+            1..4 => self.gradient.number(index - C::LEN),
+            _ => self.hessian.number(index - 4 * C::LEN),
         }
     }
 
-    fn set(&mut self, index: usize, number: C::Real) {
+    fn set_number(&mut self, index: usize, number: C::Real) {
         match index / C::LEN {
-            0 => self.value.set(index, number),
-            1..4 => self.gradient.set(index - C::LEN, number),
-            _ => self.hessian.set(index - 4 * C::LEN, number),
+            0 => self.value.set_number(index, number),
+            1..4 => self.gradient.set_number(index - C::LEN, number),
+            _ => self.hessian.set_number(index - 4 * C::LEN, number),
         }
     }
 }
@@ -44,6 +47,9 @@ impl<C: Numbers> Numbers for WithHessian<C> {
 /// target, then their six second derivatives.
 #[derive(Clone, Copy, Debug)]
 pub struct Derivatives<F>(pub(super) F);
+
+/// Entries that are kept without allocating.
+const FEW: usize = 9;
 
 /// The axes of the second derivatives, in the order of [`WithHessian::hessian`].
 const SECOND: [[usize; 2]; 6] = [[0, 0], [0, 1], [0, 2], [1, 1], [1, 2], [2, 2]];
@@ -55,9 +61,16 @@ impl<F: Formula> Formula for Derivatives<F> {
     fn entries<N: Number>(&self, at: <F::Of as Form>::At<N>, g: &mut [F::Entry<N>]) {
         let at = F::Of::with_derivatives(F::Of::with_derivatives(at));
         let len = g.len() / 10;
-        let mut twice = vec![FormulaEntry::zero(); len];
-        self.0.entries(at, &mut twice);
-        for (k, entry) in twice.into_iter().enumerate() {
+        // No allocation for the usual sizes: this is the innermost loop.
+        let (mut few, mut many) = ([FormulaEntry::zero(); FEW], Vec::new());
+        let twice = if len <= FEW {
+            &mut few[..len]
+        } else {
+            many.resize(len, FormulaEntry::zero());
+            &mut many[..]
+        };
+        self.0.entries(at, twice);
+        for (k, entry) in twice.iter().enumerate() {
             let parts = entry.parts();
             g[k] = FormulaEntry::from_parts(parts.map(|part| part.value.value));
             for axis in 0..3 {

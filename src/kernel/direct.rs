@@ -1,15 +1,17 @@
 //! Direct sums, the reference that every fast path is held against.
 
+use crate::dispatch_level::DispatchLevel;
 use crate::error::Error;
 use crate::kernel::traits::Kernel;
-use crate::numbers::traits::{Numbers, Scalar, l2_norm};
+use crate::numbers::traits::{Numbers, l2_norm};
 use crate::parallel;
 
 /// Direct summation u_i = Σ_j K(x_i, y_j) q_j over all pairs, in parallel over targets, each sum in
 /// the order of the sources. O(N·M).
 ///
 /// # Errors
-/// [`Error::LengthMismatch`] if there is not one charge per source; [`Error::ChargeTooLong`] if a charge
+/// [`Error::LengthMismatch`] if there is not one charge per source; those of
+/// [`Kernel::check_sizes`]; [`Error::ChargeTooLong`] if a charge
 /// is a list of more numbers than the kernel takes.
 pub fn direct<K: Kernel>(
     kernel: &K,
@@ -34,16 +36,18 @@ pub(crate) fn check_charges<K: Kernel>(
     sources: usize,
     charges: &[K::Charge],
 ) -> Result<(), Error> {
+    kernel.check_sizes()?;
+    DispatchLevel::in_force()?;
     let (expected, found) = (sources, charges.len());
     if expected != found {
         return Err(Error::LengthMismatch { what: "charges", expected, found });
     }
     // Other charges have the length of their type.
     if K::Charge::LEN == 0 {
-        let expected = kernel.densities() * kernel.columns() * K::Entry::PARTS;
-        let too_long = |q: &K::Charge| q.len() > expected;
+        let expected = kernel.charge_len();
+        let too_long = |q: &K::Charge| q.count() > expected;
         if let Some(index) = charges.iter().position(too_long) {
-            return Err(Error::ChargeTooLong { index, expected, found: charges[index].len() });
+            return Err(Error::ChargeTooLong { index, expected, found: charges[index].count() });
         }
     }
     Ok(())

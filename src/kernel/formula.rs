@@ -63,8 +63,10 @@ pub trait Formula: Send + Sync {
 pub trait Form: sealed::Sealed {
     /// The argument of the formula.
     type At<N: Number>: Copy;
+    #[doc(hidden)]
     /// The argument for a target at x and a source at y.
     fn at<N: Number>(x: Coordinates<N>, y: Coordinates<N>) -> Self::At<N>;
+    #[doc(hidden)]
     /// The same argument, its derivatives with respect to x carried along.
     fn with_derivatives<N: Number>(at: Self::At<N>) -> Self::At<Dual<N>>;
 }

@@ -3,9 +3,10 @@
 use std::fmt;
 use std::marker::PhantomData;
 
+use crate::error::Error;
 use crate::kernel::derivatives::{Derivatives, WithHessian};
 use crate::kernel::formula::{Formula, FormulaEntry};
-use crate::kernel::side_by_side::{Near, Pack, entries_side_by_side, slopes};
+use crate::kernel::side_by_side::{FormulaBlock, Pack, entries_side_by_side, slopes};
 use crate::kernel::traits::{Kernel, Outcome};
 use crate::kernel::with_gradient::WithGradient;
 use crate::numbers::traits::{Located, Numbers, Point, Scalar};
@@ -13,8 +14,8 @@ use crate::numbers::traits::{Located, Numbers, Point, Scalar};
 /// The kernel of a [`Formula`] between bare points.
 ///
 /// Points are of any type with a position; charges of any type with as many numbers as the formula has
-/// densities, or several times as many for several right-hand sides. Values have the type of the
-/// charges unless [`values`](FormulaKernel::values) says otherwise.
+/// densities, or several times as many for several right-hand sides. Both types follow from what is summed.
+/// Values have the type of the charges unless [`values`](FormulaKernel::values) says otherwise.
 ///
 /// The formula is evaluated at coincident points too, unless
 /// [`skip_coincident`](FormulaKernel::skip_coincident) is asked for.
@@ -44,21 +45,23 @@ impl<F, P, Q, U> FormulaKernel<F, P, Q, U> {
         Self { skip_coincident: true, ..self }
     }
 
-    /// The same kernel for charges and values of other types: `Q2` with as many numbers as there are
-    /// densities, `U2` with as many as there are fields, each times the number of right-hand sides.
-    pub fn values<Q2, U2>(self) -> FormulaKernel<F, P, Q2, U2> {
+    /// The same kernel for values of another type: with as many numbers as the formula has fields, times
+    /// the number of right-hand sides.
+    pub fn values<W>(self) -> FormulaKernel<F, P, Q, W> {
         let Self { formula, skip_coincident, columns, .. } = self;
         FormulaKernel { formula, skip_coincident, columns, types: PhantomData }
     }
 
     /// The number of right-hand sides, for charges that are lists (`Vec<f64>`). Other charges say it by
     /// their type.
-    pub fn right_hand_sides(self, columns: usize) -> Self {
+    pub fn with_columns(self, columns: usize) -> Self {
         Self { columns: Some(columns), ..self }
     }
 
     /// The same kernel with the gradient of its sum as part of the [value](WithGradient). The
-    /// derivatives of the formula are its own: it is evaluated in numbers that carry them along.
+    /// derivatives of the formula are its own: it is evaluated in numbers that carry them along. Where a point
+    /// meets itself, as in sums over one set of points, they have to exist, or the pair to be
+    /// [skipped](Self::skip_coincident): |d| has none at d = 0, |d|² has.
     pub fn gradient(self) -> FormulaGradient<F, P, Q, U> {
         FormulaGradient { kernel: self }
     }
@@ -119,7 +122,30 @@ where
 
     #[inline(always)]
     fn columns(&self) -> usize {
-        self.columns.unwrap_or(Q::LEN / (Self::Entry::PARTS * self.densities()))
+        if Q::LEN > 0 {
+            Q::LEN / (Self::Entry::PARTS * self.densities()).max(1)
+        } else {
+            self.columns.unwrap_or(0)
+        }
+    }
+
+    fn check_sizes(&self) -> Result<(), Error> {
+        let (fields, densities) = (self.fields(), self.densities());
+        if fields == 0 || densities == 0 {
+            return Err(Error::EmptyKernel { fields, densities });
+        }
+        let fits = |what, found: usize, components: usize| {
+            let expected = Self::Entry::PARTS * components;
+            let columns = if found > 0 { found / expected } else { self.columns() };
+            if found == 0
+                || (found.is_multiple_of(expected) && columns == self.columns() && columns > 0)
+            {
+                return Ok(());
+            }
+            Err(Error::KernelSize { what, expected, found })
+        };
+        fits("charge", Q::LEN, densities)?;
+        fits("value", U::LEN, fields)
     }
 
     fn entries_block(&self, xs: &[Point<P::Real>], ys: &[Point<P::Real>], g: &mut [Self::Entry]) {
@@ -128,7 +154,7 @@ where
 
     fn add_block(&self, xs: &[P], ys: &[P], qs: &[Q], _tolerance: f64, us: &mut [U]) {
         let (formula, skip_coincident) = (&self.formula, self.skip_coincident);
-        Near { kernel: self, formula, skip_coincident, xs, ys, qs, us }.add();
+        FormulaBlock { kernel: self, formula, skip_coincident, xs, ys, qs, us }.add();
     }
 }
 
@@ -165,6 +191,10 @@ where
         self.kernel.columns()
     }
 
+    fn check_sizes(&self) -> Result<(), Error> {
+        self.kernel.check_sizes()
+    }
+
     fn value(
         &self,
         _x: &P,
@@ -172,12 +202,7 @@ where
         gradients: &[[Self::Entry; 3]],
         u: &mut WithGradient<U>,
     ) {
-        for (k, (&field, gradient)) in fields.iter().zip(gradients).enumerate() {
-            u.value.set_column(k, u.value.column::<Self::Entry>(k) + field);
-            for (sum, &part) in u.gradient.iter_mut().zip(gradient) {
-                sum.set_column(k, sum.column::<Self::Entry>(k) + part);
-            }
-        }
+        u.add(fields, gradients);
     }
 
     #[inline(always)]
@@ -202,7 +227,7 @@ where
     fn add_block(&self, xs: &[P], ys: &[P], qs: &[Q], _tolerance: f64, us: &mut [WithGradient<U>]) {
         let FormulaKernel { formula, skip_coincident, .. } = &self.kernel;
         let skip_coincident = *skip_coincident;
-        Near { kernel: self, formula, skip_coincident, xs, ys, qs, us }.add();
+        FormulaBlock { kernel: self, formula, skip_coincident, xs, ys, qs, us }.add();
     }
 }
 
@@ -233,6 +258,7 @@ macro_rules! formula {
         $crate::formula!(@ $crate::Positions, ($x, $y), [$($($parameter),+)?], $entry)
     };
     (@ $of:ty, $at:pat, [$($parameter:ident),*], $entry:expr) => {{
+        #[derive(Clone, Copy)]
         struct Parameters {
             $($parameter: f64,)*
         }

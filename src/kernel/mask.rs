@@ -19,7 +19,7 @@ pub enum Coverage {
     Partial,
     /// So many eighths of them count, 1 to 7, and which of them doesn't matter: the expansion is used
     /// and weighed. Taken as [`Partial`](Self::Partial) where the expansion [can't
-    /// weigh](crate::Expansion::weighs) or the cells are not well separated ones of one level.
+    /// weigh](crate::Costs::weighs) or the cells are not well separated ones of one level.
     Eighths(u8),
 }
 
@@ -46,6 +46,9 @@ impl<P: Located> Copy for CellView<'_, P> {}
 /// only where *every* pair counts in full, or where [`Coverage::Eighths`] says that all count alike.
 /// Masks are geometry: they are asked while a plan is built and never again, and each pair of points is
 /// asked for at most once.
+///
+/// A mask that asks for positions only is best written for all kernels, `impl<K: Kernel> Mask<K> for …`:
+/// then it fits borrowed kernels as well.
 pub trait Mask<K: Kernel>: Sync {
     /// What holds for all pairs between two cells. [`Coverage::Partial`] is never wrong, only slow.
     fn cells(&self, targets: CellView<'_, K::Target>, sources: CellView<'_, K::Source>)
@@ -58,7 +61,7 @@ pub trait Mask<K: Kernel>: Sync {
 
     /// Calls `count(i, j, share)` once for every pair of the i-th target and the j-th source that counts
     /// at all. Override it to share work among the pairs of two cells; the answers must be those of
-    /// [`pair`](Self::pair).
+    /// [`pair`](Self::pair), and i and j within the two cells.
     fn pairs(
         &self,
         targets: CellView<'_, K::Target>,
@@ -101,7 +104,7 @@ impl<K: Kernel> Mask<K> for Unmasked {
 /// O(N·M): the reference for masked plans.
 ///
 /// # Errors
-/// As [`direct`](crate::direct).
+/// As [`direct`](crate::direct), and [`Error::InvalidShare`] if the mask gives no share from 0 to 1.
 pub fn direct_masked<K: Kernel>(
     kernel: &K,
     mask: &impl Mask<K>,
@@ -114,15 +117,18 @@ pub fn direct_masked<K: Kernel>(
         let mut u = [K::Value::zero()];
         for (j, y) in sources.iter().enumerate() {
             let share = mask.pair(&targets[i], y);
+            if !(0.0..=1.0).contains(&share) {
+                return Err(Error::InvalidShare { target: i, from: j, found: share });
+            }
             if share != 0.0 {
                 let q = share_of(&charges[j], share);
                 kernel.add_block(&targets[i..=i], &sources[j..=j], &[q], 0.0, &mut u);
             }
         }
         let [u] = u;
-        u
+        Ok(u)
     };
-    Ok(parallel::map(targets.len(), &sum))
+    parallel::map(targets.len(), &sum).into_iter().collect()
 }
 
 /// The share of a charge; all of it as it is.

@@ -3,6 +3,7 @@
 use pulp::{Simd, WithSimd};
 
 use crate::dispatch_level::dispatch_up_to_avx2;
+use crate::numbers::lanes::LANES;
 
 /// `us[i]` += Σ_j K(x_i, y_j) q_j, each pair by `add`, with the same bits as the plain double loop.
 ///
@@ -59,9 +60,6 @@ where
         }
     }
 }
-
-/// Targets that are summed side by side: a whole number of registers in either precision.
-const LANES: usize = 8;
 
 #[inline(always)]
 fn side_by_side<X, Y, Q, U: Clone>(

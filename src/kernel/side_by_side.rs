@@ -6,12 +6,9 @@ use crate::dispatch_level::dispatch_up_to_avx2;
 use crate::kernel::formula::{Form, Formula, FormulaEntry};
 use crate::kernel::traits::Kernel;
 use crate::numbers::dual::Dual;
-use crate::numbers::lanes::Lanes;
+use crate::numbers::lanes::{LANES, Lanes};
 use crate::numbers::number::{Coordinates, Number};
 use crate::numbers::traits::{Located, Numbers, Point, Real, Scalar, Vector};
-
-/// Pairs side by side: a whole number of registers in either precision.
-const LANES: usize = 8;
 
 /// The numbers of several pairs.
 pub(super) type Pack<T> = Lanes<T, LANES>;
@@ -88,7 +85,7 @@ impl<F: Formula, S: Scalar> WithSimd for Entries<'_, F, S> {
 }
 
 /// The near field of a formula's kernel: R_x Σ_j G(x_i, y_j) S_y q_j for all targets of a block.
-pub(super) struct Near<'a, K: Kernel, F> {
+pub(super) struct FormulaBlock<'a, K: Kernel, F> {
     pub(super) kernel: &'a K,
     pub(super) formula: &'a F,
     pub(super) skip_coincident: bool,
@@ -98,7 +95,7 @@ pub(super) struct Near<'a, K: Kernel, F> {
     pub(super) us: &'a mut [K::Value],
 }
 
-impl<K: Kernel, F: Formula> Near<'_, K, F> {
+impl<K: Kernel, F: Formula> FormulaBlock<'_, K, F> {
     /// Adds to the values.
     pub(super) fn add(self) {
         let kernel = self.kernel;
@@ -192,7 +189,7 @@ impl<K: Kernel, F: Formula> Near<'_, K, F> {
     }
 }
 
-impl<K: Kernel, F: Formula> WithSimd for Near<'_, K, F> {
+impl<K: Kernel, F: Formula> WithSimd for FormulaBlock<'_, K, F> {
     type Output = ();
 
     #[inline(always)]

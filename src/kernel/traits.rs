@@ -2,6 +2,7 @@
 
 use num_traits::Float;
 
+use crate::error::Error;
 use crate::numbers::bits::for_each_set_bit;
 use crate::numbers::traits::{Located, Numbers, Point, Real, Scalar};
 
@@ -60,10 +61,35 @@ pub trait Kernel: Send + Sync {
         1
     }
 
-    /// How many independent right-hand sides ride along: by default as many as make up a charge.
+    /// How many independent right-hand sides ride along: by default as many as make up a charge, if each
+    /// density takes one of its numbers. A kernel whose [`density`](Self::density) makes several densities
+    /// of one number says it here.
     #[inline(always)]
     fn columns(&self) -> usize {
-        Self::Charge::LEN / (Self::Entry::PARTS * self.densities())
+        Self::Charge::LEN / (Self::Entry::PARTS * self.densities()).max(1)
+    }
+
+    /// Refuses sizes that don't belong together. Called before every sum; the default finds kernels
+    /// without fields or densities, and charges that are too short for the densities.
+    ///
+    /// # Errors
+    /// [`Error::EmptyKernel`] or [`Error::KernelSize`].
+    fn check_sizes(&self) -> Result<(), Error> {
+        let (fields, densities) = (self.fields(), self.densities());
+        if fields == 0 || densities == 0 {
+            return Err(Error::EmptyKernel { fields, densities });
+        }
+        if self.columns() == 0 && Self::Charge::LEN > 0 {
+            let (expected, found) = (Self::Entry::PARTS * densities, Self::Charge::LEN);
+            return Err(Error::KernelSize { what: "charge", expected, found });
+        }
+        Ok(())
+    }
+
+    /// How many numbers a charge may have at most that is a list: by default one for each density in every
+    /// column. Charges of a fixed length are not held against it.
+    fn charge_len(&self) -> usize {
+        Self::Entry::PARTS * self.densities() * self.columns()
     }
 
     /// Writes S_y q into `d`: for each density, its number in every column.
@@ -119,7 +145,7 @@ pub trait Kernel: Send + Sync {
     ) {
         let len = self.fields() * self.densities();
         let pairs = xs.iter().flat_map(|x| ys.iter().map(move |y| (*x, *y)));
-        for ((x, y), g) in pairs.zip(g.chunks_exact_mut(len)) {
+        for ((x, y), g) in pairs.zip(g.chunks_exact_mut(len.max(1))) {
             self.entries(x, y, g);
         }
     }

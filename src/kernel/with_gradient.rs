@@ -1,6 +1,6 @@
 //! A value together with its gradient.
 
-use crate::numbers::traits::Numbers;
+use crate::numbers::traits::{Numbers, Scalar};
 
 /// A value u(x) and its gradient with respect to x.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -11,9 +11,25 @@ pub struct WithGradient<C> {
     pub gradient: [C; 3],
 }
 
+impl<C: Numbers> WithGradient<C> {
+    /// Adds fields and their gradients, number by number.
+    #[inline(always)]
+    pub(super) fn add<S: Scalar<Real = C::Real>>(&mut self, fields: &[S], gradients: &[[S; 3]]) {
+        for (k, (&field, gradient)) in fields.iter().zip(gradients).enumerate() {
+            self.value.set_column(k, self.value.column::<S>(k) + field);
+            for (sum, &part) in self.gradient.iter_mut().zip(gradient) {
+                sum.set_column(k, sum.column::<S>(k) + part);
+            }
+        }
+    }
+}
+
 impl<C: Numbers> Numbers for WithGradient<C> {
     type Real = C::Real;
-    const LEN: usize = 4 * C::LEN;
+    const LEN: usize = {
+        assert!(C::LEN > 0 || size_of::<C>() == 0, "a list has no length of its own");
+        4 * C::LEN
+    };
 
     #[inline(always)]
     fn zero() -> Self {
@@ -21,16 +37,16 @@ impl<C: Numbers> Numbers for WithGradient<C> {
     }
 
     #[inline(always)]
-    fn get(&self, index: usize) -> C::Real {
-        if index < C::LEN { self.value.get(index) } else { self.gradient.get(index - C::LEN) }
+    fn number(&self, index: usize) -> C::Real {
+        if index < C::LEN { self.value.number(index) } else { self.gradient.number(index - C::LEN) }
     }
 
     #[inline(always)]
-    fn set(&mut self, index: usize, number: C::Real) {
+    fn set_number(&mut self, index: usize, number: C::Real) {
         if index < C::LEN {
-            self.value.set(index, number);
+            self.value.set_number(index, number);
         } else {
-            self.gradient.set(index - C::LEN, number);
+            self.gradient.set_number(index - C::LEN, number);
         }
     }
 }

@@ -78,9 +78,10 @@ impl<S: Registers> Products<'_, S> {
     #[inline(always)]
     fn strip<V: Simd, const H: usize>(&mut self, simd: V, first: usize) {
         let places = self.places;
-        let rest = match V::REGISTER_COUNT >= 32 {
-            true => self.vectors::<V, H, 8>(simd, first, places),
-            false => self.vectors::<V, H, 4>(simd, first, places),
+        let rest = if V::REGISTER_COUNT >= 32 {
+            self.vectors::<V, H, 8>(simd, first, places)
+        } else {
+            self.vectors::<V, H, 4>(simd, first, places)
         };
         self.vectors::<V, H, 1>(simd, first, rest);
     }

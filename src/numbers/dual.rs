@@ -77,7 +77,7 @@ impl<N: Number> Div for Dual<N> {
     #[expect(clippy::suspicious_arithmetic_impl, reason = "the quotient rule is a difference")]
     fn div(self, other: Self) -> Self {
         let inverse = other.value.recip();
-        let quotient = self.value * inverse;
+        let quotient = self.value / other.value;
         self.combine(quotient, other, |a, b| (a - b * quotient) * inverse)
     }
 }

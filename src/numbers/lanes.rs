@@ -6,6 +6,9 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 use crate::numbers::number::Number;
 use crate::numbers::traits::{Real, sealed};
 
+/// Numbers that are worked on side by side: a whole number of registers in either precision.
+pub(crate) const LANES: usize = 8;
+
 /// `L` real numbers side by side.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lanes<T, const L: usize>(pub(crate) [T; L]);

@@ -31,7 +31,7 @@ pub trait Number:
 
     /// The number `x` in every place.
     fn constant(x: f64) -> Self;
-    /// √x
+    /// √x. Its derivative does not exist at x = 0.
     fn sqrt(self) -> Self;
     /// 1/x
     fn recip(self) -> Self;
@@ -97,7 +97,8 @@ impl<N: Number> Coordinates<N> {
         self.dot(self)
     }
 
-    /// The Euclidean length.
+    /// The Euclidean length. Its derivative does not exist at zero: take
+    /// [`length_squared`](Self::length_squared) where that is possible, or skip coincident pairs.
     #[inline(always)]
     pub fn length(self) -> N {
         self.length_squared().sqrt()

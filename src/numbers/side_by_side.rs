@@ -15,11 +15,11 @@ macro_rules! numbers {
                 0.0
             }
             #[inline(always)]
-            fn get(&self, _: usize) -> $t {
+            fn number(&self, _: usize) -> $t {
                 *self
             }
             #[inline(always)]
-            fn set(&mut self, _: usize, number: $t) {
+            fn set_number(&mut self, _: usize, number: $t) {
                 *self = number;
             }
             #[inline(always)]
@@ -36,11 +36,11 @@ macro_rules! numbers {
                 <$vector>::ZERO
             }
             #[inline(always)]
-            fn get(&self, index: usize) -> $t {
+            fn number(&self, index: usize) -> $t {
                 self[index]
             }
             #[inline(always)]
-            fn set(&mut self, index: usize, number: $t) {
+            fn set_number(&mut self, index: usize, number: $t) {
                 self[index] = number;
             }
         }
@@ -58,11 +58,11 @@ impl<T: Real> Numbers for Complex<T> {
         Complex::new(T::from_f64(0.0), T::from_f64(0.0))
     }
     #[inline(always)]
-    fn get(&self, index: usize) -> T {
+    fn number(&self, index: usize) -> T {
         if index == 0 { self.re } else { self.im }
     }
     #[inline(always)]
-    fn set(&mut self, index: usize, number: T) {
+    fn set_number(&mut self, index: usize, number: T) {
         *(if index == 0 { &mut self.re } else { &mut self.im }) = number;
     }
 }
@@ -78,12 +78,12 @@ impl<V: Numbers, const N: usize> Numbers for [V; N] {
         std::array::from_fn(|_| V::zero())
     }
     #[inline(always)]
-    fn get(&self, index: usize) -> V::Real {
-        self[index / V::LEN].get(index % V::LEN)
+    fn number(&self, index: usize) -> V::Real {
+        self[index / V::LEN].number(index % V::LEN)
     }
     #[inline(always)]
-    fn set(&mut self, index: usize, number: V::Real) {
-        self[index / V::LEN].set(index % V::LEN, number);
+    fn set_number(&mut self, index: usize, number: V::Real) {
+        self[index / V::LEN].set_number(index % V::LEN, number);
     }
     // Item by item, which compilers turn into whole registers more readily than number by number.
     #[inline(always)]
@@ -126,17 +126,17 @@ impl<T: Real> Numbers for Vec<T> {
     fn zero() -> Self {
         Vec::new()
     }
-    fn get(&self, index: usize) -> T {
+    fn number(&self, index: usize) -> T {
         self.as_slice().get(index).copied().unwrap_or(T::from_f64(0.0))
     }
-    fn set(&mut self, index: usize, number: T) {
-        if index >= self.as_slice().len() {
+    fn set_number(&mut self, index: usize, number: T) {
+        if index >= self.len() {
             self.resize(index + 1, T::from_f64(0.0));
         }
         self[index] = number;
     }
-    fn len(&self) -> usize {
-        self.as_slice().len()
+    fn count(&self) -> usize {
+        self.len()
     }
 }
 

@@ -25,10 +25,10 @@ use crate::linalg::dense::Dense;
 ///     fn zero() -> Self {
 ///         Flow { density: 0.0, momentum: [0.0; 3] }
 ///     }
-///     fn get(&self, i: usize) -> f64 {
+///     fn number(&self, i: usize) -> f64 {
 ///         if i == 0 { self.density } else { self.momentum[i - 1] }
 ///     }
-///     fn set(&mut self, i: usize, number: f64) {
+///     fn set_number(&mut self, i: usize, number: f64) {
 ///         *(if i == 0 { &mut self.density } else { &mut self.momentum[i - 1] }) = number;
 ///     }
 /// }
@@ -40,35 +40,30 @@ use crate::linalg::dense::Dense;
 pub trait Numbers: Clone + Send + Sync + 'static {
     /// The precision of the numbers.
     type Real: Real;
-    /// How many there are; a complex number counts as two. 0 if that is known only at run time.
+    /// How many there are; a complex number counts as two. 0 if that is known only at run time:
+    /// [`count`](Self::count) says it then.
     const LEN: usize;
 
     /// All zeros.
     fn zero() -> Self;
     /// The number at `index`.
-    fn get(&self, index: usize) -> Self::Real;
+    fn number(&self, index: usize) -> Self::Real;
     /// Puts a number at `index`.
-    fn set(&mut self, index: usize, number: Self::Real);
+    fn set_number(&mut self, index: usize, number: Self::Real);
 
     /// How many there are in this value: [`LEN`](Self::LEN), unless that is known only at run time.
     #[inline(always)]
-    fn len(&self) -> usize {
+    fn count(&self) -> usize {
         Self::LEN
-    }
-
-    /// Whether there are no numbers.
-    #[inline(always)]
-    fn is_empty(&self) -> bool {
-        self.len() == 0
     }
 
     /// The `index`-th number of type `S`: of a complex type, each takes the place of two.
     #[inline(always)]
     fn column<S: Scalar<Real = Self::Real>>(&self, index: usize) -> S {
         if S::COMPLEX {
-            S::from_parts(self.get(2 * index), self.get(2 * index + 1))
+            S::from_parts(self.number(2 * index), self.number(2 * index + 1))
         } else {
-            S::from_real(self.get(index))
+            S::from_real(self.number(index))
         }
     }
 
@@ -77,26 +72,26 @@ pub trait Numbers: Clone + Send + Sync + 'static {
     fn set_column<S: Scalar<Real = Self::Real>>(&mut self, index: usize, number: S) {
         let [re, im] = number.parts();
         if S::COMPLEX {
-            self.set(2 * index, re);
-            self.set(2 * index + 1, im);
+            self.set_number(2 * index, re);
+            self.set_number(2 * index + 1, im);
         } else {
-            self.set(index, re);
+            self.set_number(index, re);
         }
     }
 
     /// `self += other`.
     #[inline(always)]
     fn accumulate(&mut self, other: &Self) {
-        for i in 0..other.len() {
-            self.set(i, self.get(i) + other.get(i));
+        for i in 0..other.count() {
+            self.set_number(i, self.number(i) + other.number(i));
         }
     }
 
     /// `self -= other`.
     #[inline(always)]
     fn subtract(&mut self, other: &Self) {
-        for i in 0..other.len() {
-            self.set(i, self.get(i) - other.get(i));
+        for i in 0..other.count() {
+            self.set_number(i, self.number(i) - other.number(i));
         }
     }
 
@@ -104,20 +99,20 @@ pub trait Numbers: Clone + Send + Sync + 'static {
     /// real and imaginary parts.
     #[inline(always)]
     fn add_scaled<S: Scalar<Real = Self::Real>>(&mut self, scale: S, other: &Self) {
-        for i in 0..other.len() / S::PARTS {
+        for i in 0..other.count().div_ceil(S::PARTS) {
             self.set_column(i, self.column::<S>(i) + scale * other.column::<S>(i));
         }
     }
 
     /// All numbers, in double precision.
     fn to_f64s(&self) -> Vec<f64> {
-        (0..self.len()).map(|i| self.get(i).as_f64()).collect()
+        (0..self.count()).map(|i| self.number(i).as_f64()).collect()
     }
 
     /// Whether no number is NaN or infinite.
     #[inline(always)]
     fn is_finite(&self) -> bool {
-        (0..self.len()).all(|i| num_traits::Float::is_finite(self.get(i)))
+        (0..self.count()).all(|i| num_traits::Float::is_finite(self.number(i)))
     }
 
     /// The l2 norm in double precision, also where squares would leave the range of numbers.
@@ -127,13 +122,13 @@ pub trait Numbers: Clone + Send + Sync + 'static {
         if SQUARES_IN_RANGE.contains(&squares) {
             return squares.sqrt();
         }
-        (0..self.len()).fold(0.0, |norm, i| norm.hypot(self.get(i).as_f64()))
+        (0..self.count()).fold(0.0, |norm, i| norm.hypot(self.number(i).as_f64()))
     }
 
     /// The sum of the squares of all numbers, in double precision.
     #[inline(always)]
     fn norm_squared(&self) -> f64 {
-        (0..self.len()).map(|i| self.get(i).as_f64().powi(2)).sum()
+        (0..self.count()).map(|i| self.number(i).as_f64().powi(2)).sum()
     }
 }
 

@@ -12,16 +12,17 @@ use crate::interpolation::black_box::Interpolation;
 use crate::kernel::mask::{Mask, Unmasked};
 use crate::kernel::traits::Kernel;
 use crate::octree::trees::Trees;
-use crate::plan::choice::{Candidate, DOUBT, cheapest, correct};
+use crate::plan::choice::{Candidate, cheapest, correct};
 use crate::plan::estimate::Estimate;
 use crate::plan::fmm::Fmm;
 use crate::plan::forecast::Forecast;
 use crate::plan::pair_time::pair_seconds;
 use crate::plan::times::{BuildTimes, Clock, Phase, Progress};
+use crate::plan::tuning::DOUBT;
 use crate::plan::{Plan, Scheme, levels};
 
 impl<K: Kernel> Fmm<Interpolation<K>> {
-    /// Starts a plan for a kernel given by its formula, expanded by [`Interpolation`].
+    /// Starts a plan for a kernel expanded by [`Interpolation`].
     pub fn builder(kernel: K) -> Builder<'static, Interpolation<K>, Unmasked> {
         Fmm::with_expansion(Interpolation::new(kernel))
     }
@@ -87,7 +88,7 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
 
     /// The largest number of points in a leaf.
     ///
-    /// By default the expansion [chooses](Expansion::leaf_size) by the time that a pair of these
+    /// By default the expansion [chooses](Costs::leaf_seconds) by the time that a pair of these
     /// points takes, measured once in a process for each type of kernel and tolerance. Another
     /// process or another machine may so come to another tree or scheme, and to sums that differ in
     /// rounding and within the tolerance. A fixed leaf size makes them the same to the bit.
@@ -146,7 +147,7 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
     ///
     /// # Errors
     /// If a coordinate is not finite, the points extend too far for their precision, the leaf size is
-    /// zero, the plan would need more memory than it may, or the expansion can't meet its tolerance or
+    /// zero, the kernel's sizes don't belong together, the mask gives no share from 0 to 1, the plan would need more memory than it may, or the expansion can't meet its tolerance or
     /// order, or if `FARFIELD_DISPATCH` does not name a [`DispatchLevel`].
     pub fn build(
         mut self,
@@ -154,6 +155,7 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
         targets: &[TargetOf<E>],
     ) -> Result<Fmm<E>, Error> {
         DispatchLevel::in_force()?;
+        self.expansion.kernel().check_sizes()?;
         let (mut clock, mut times) = (Clock::start(), BuildTimes::default());
         self.report(Phase::Tree, 0.0);
         let mut trees = self.trees(sources, targets)?;

@@ -9,6 +9,7 @@ use std::time::Instant;
 use crate::expansion::Expansion;
 use crate::numbers::traits::Numbers;
 use crate::plan::estimate::Estimate;
+use crate::plan::tuning::{APPLY_BUDGET, APPLY_REPETITIONS, DOUBT};
 use crate::plan::{Plan, Scheme, Workspace};
 
 /// A scheme that may be taken.
@@ -24,9 +25,6 @@ impl Candidate {
         self.estimate.map_or(0.0, |estimate| estimate.apply_seconds())
     }
 }
-
-/// Expansions may take this many times as long as forecast.
-pub(crate) const DOUBT: f64 = 16.0;
 
 /// The cheapest candidate, the first of several, and whether a wrong forecast may have made it so.
 pub(crate) fn cheapest<E: Expansion>(expansion: &E, candidates: &[Candidate]) -> (Candidate, bool) {
@@ -45,21 +43,17 @@ pub(crate) fn correct<E: Expansion>(plan: &Plan<E>, estimate: &Estimate) {
     let charges = vec![Numbers::zero(); plan.sources.len()];
     let mut workspace = Workspace::new(plan);
     let (start, mut shortest) = (Instant::now(), f64::INFINITY);
-    for _ in 0..REPETITIONS {
+    for _ in 0..APPLY_REPETITIONS {
         let before = Instant::now();
         black_box(plan.run(&charges, &mut workspace));
         shortest = shortest.min(before.elapsed().as_secs_f64());
-        if start.elapsed().as_secs_f64() > BUDGET {
+        if start.elapsed().as_secs_f64() > APPLY_BUDGET {
             break;
         }
     }
     let factor = shortest / estimate.apply_seconds().max(f64::MIN_POSITIVE);
     remembered(|factors| factors.insert(kind(&plan.expansion, plan.scheme), factor));
 }
-
-/// How often a plan is applied to see how long that takes, and after how many seconds no more.
-const REPETITIONS: usize = 4;
-const BUDGET: f64 = 0.05;
 
 /// How many times as long as forecast an application takes, if that is known. Forecasts of direct sums
 /// rest on a measured pace as they are.

@@ -11,6 +11,7 @@ use crate::parallel;
 use crate::plan::estimate::Estimate;
 use crate::plan::stats::{Stats, stats};
 use crate::plan::times::{ApplyTimes, BuildTimes, Clock};
+use crate::plan::tuning::CHECK_CHUNK;
 use crate::plan::{Plan, Workspace};
 
 /// A plan for sums between fixed points: trees, interaction lists, operators and mask.
@@ -112,17 +113,14 @@ pub(crate) fn check_values<V: Numbers>(values: &[V]) -> Result<(), Error> {
 
 /// Index of the first value that is not finite. O(N).
 fn first_not_finite<V: Numbers>(values: &[V]) -> Option<usize> {
-    let chunks = values.len().div_ceil(CHUNK);
+    let chunks = values.len().div_ceil(CHECK_CHUNK);
     let found = parallel::map(chunks, &|chunk| {
-        let start = CHUNK * chunk;
-        let mut values = values[start..].iter().take(CHUNK);
+        let start = CHECK_CHUNK * chunk;
+        let mut values = values[start..].iter().take(CHECK_CHUNK);
         values.position(|v| !v.is_finite()).map(|i| start + i)
     });
     found.into_iter().flatten().next()
 }
-
-/// Values per task of a check.
-const CHUNK: usize = 4096;
 
 impl<E: Expansion> fmt::Debug for Fmm<E> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

@@ -11,6 +11,7 @@ use crate::octree::trees::Trees;
 use crate::plan::Scheme;
 use crate::plan::estimate::Estimate;
 use crate::plan::times::Clock;
+use crate::plan::tuning::{FULL_LIST, M2L_SHARE, TERM_PAIRS};
 
 /// Foretells the cost of a plan from what there is before its lists are made.
 pub(crate) struct Forecast<'a, E: Expansion> {
@@ -22,15 +23,6 @@ pub(crate) struct Forecast<'a, E: Expansion> {
     /// Seconds that the trees took.
     pub(crate) tree_seconds: f64,
 }
-
-/// Cells of an interaction list in the midst of a volume: what leaf sizes are chosen for.
-const FULL_LIST: f64 = 189.0;
-
-/// M2P at a target costs about as much as this many pairs for each term, as does P2L of a source.
-const TERM_PAIRS: usize = 4;
-
-/// The share of M2L in what an expansion takes with full lists.
-const M2L_SHARE: f64 = 2.0 / 3.0;
 
 impl<E: Expansion> Forecast<'_, E> {
     /// What the plan with the lists that `traversal` would find would cost.

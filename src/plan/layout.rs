@@ -8,6 +8,7 @@ use rayon::prelude::*;
 
 use crate::interaction::lists::{ListCosts, Lists};
 use crate::octree::shape::Shape;
+use crate::plan::tuning::TASKS;
 
 /// The layout of a plan.
 #[derive(Debug)]
@@ -40,9 +41,6 @@ pub(crate) struct Parts<'a> {
     /// Whether parents take their moments from their children.
     pub(crate) shift_moments: bool,
 }
-
-/// About how many tasks the leaves are cut into: enough to keep many threads evenly busy.
-const TASKS: u64 = 1024;
 
 impl Layout {
     pub(crate) fn new(parts: &Parts<'_>) -> Self {

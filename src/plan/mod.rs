@@ -12,6 +12,7 @@ pub(crate) mod passes;
 pub(crate) mod report;
 pub(crate) mod stats;
 pub(crate) mod times;
+pub(crate) mod tuning;
 
 use std::fmt;
 use std::sync::Arc;

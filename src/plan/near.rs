@@ -4,6 +4,7 @@
 use crate::interaction::lists::{ALL, PairShare, Run};
 use crate::kernel::mask::share_of;
 use crate::kernel::traits::Kernel;
+use crate::plan::tuning::GATHERED_BYTES;
 
 /// What the near field is summed from.
 pub(crate) struct Near<'a, K: Kernel> {
@@ -29,10 +30,6 @@ impl<K: Kernel> Default for Gathered<K> {
         Self { sources: Vec::new(), charges: Vec::new() }
     }
 }
-
-/// Bytes of sources and charges that are gathered: they stay in the fastest cache while groups of
-/// targets pass.
-const GATHERED_BYTES: usize = 1 << 15;
 
 impl<K: Kernel> Near<'_, K> {
     /// Adds the fields of pairs that count in part to the values at the targets of their leaf, which start

@@ -8,6 +8,9 @@ use std::time::Instant;
 
 use crate::kernel::traits::Kernel;
 use crate::numbers::traits::Numbers;
+use crate::plan::tuning::{
+    NOMINAL_SECONDS, PAIR_BUDGET, PAIR_REPETITIONS, PAIR_SAMPLE, WORTHWHILE,
+};
 
 /// Seconds per pair of [`Kernel::add_block`] at this `tolerance`, measured on some of the points.
 ///
@@ -29,24 +32,9 @@ pub(crate) fn pair_seconds<K: Kernel>(
         .or_insert_with(|| measure(kernel, tolerance, &sample(sources), &sample(targets)))
 }
 
-/// Plans for fewer points than this are not worth a measurement.
-const WORTHWHILE: usize = 512;
-
-/// What is taken for a pair that has not been measured.
-const NOMINAL_SECONDS: f64 = 1e-9;
-
-/// The most points of a kind in one measurement: about what a leaf meets.
-const SAMPLE: usize = 256;
-
-/// How long measurements go on, in seconds.
-const BUDGET: f64 = 1e-3;
-
-/// How often the largest block is timed at most.
-const REPETITIONS: usize = 8;
-
 /// Points from all over the set, in its order.
 fn sample<P: Clone>(points: &[P]) -> Vec<P> {
-    points.iter().step_by(points.len().div_ceil(SAMPLE)).cloned().collect()
+    points.iter().step_by(points.len().div_ceil(PAIR_SAMPLE)).cloned().collect()
 }
 
 /// The shortest time per pair seen in blocks that grow from one pair as long as the budget lets
@@ -58,7 +46,7 @@ fn measure<K: Kernel>(kernel: &K, tolerance: f64, ys: &[K::Source], xs: &[K::Tar
     let mut fastest = f64::INFINITY;
     let mut side = 1;
     let mut repetitions = 0;
-    while repetitions < REPETITIONS {
+    while repetitions < PAIR_REPETITIONS {
         let (rows, columns) = (side.min(xs.len()), side.min(ys.len()));
         let before = Instant::now();
         kernel.add_block(
@@ -71,10 +59,10 @@ fn measure<K: Kernel>(kernel: &K, tolerance: f64, ys: &[K::Source], xs: &[K::Tar
         black_box(&us);
         let seconds = before.elapsed().as_secs_f64();
         fastest = fastest.min(seconds / (rows * columns) as f64);
-        let next = if side < SAMPLE { 2 * side } else { side };
+        let next = if side < PAIR_SAMPLE { 2 * side } else { side };
         repetitions += usize::from(next == side);
         side = next;
-        if start.elapsed().as_secs_f64() + fastest * (side * side) as f64 > BUDGET {
+        if start.elapsed().as_secs_f64() + fastest * (side * side) as f64 > PAIR_BUDGET {
             break;
         }
     }
@@ -121,7 +109,7 @@ mod tests {
             std::thread::sleep(std::time::Duration::from_millis(2));
             x.distance(y)
         });
-        let seconds = measure(&kernel, 0.0, &points(SAMPLE), &points(3));
+        let seconds = measure(&kernel, 0.0, &points(PAIR_SAMPLE), &points(3));
         assert!(seconds >= 2e-3);
         assert_eq!(calls.load(Relaxed), 1);
     }

@@ -13,6 +13,7 @@ use crate::octree::shape::Shape;
 use crate::parallel;
 use crate::plan::near::{Gathered, Near};
 use crate::plan::times::{ApplyTimes, Clock};
+use crate::plan::tuning::PIECE;
 use crate::plan::{Plan, Scheme, Workspace};
 
 /// What is added up at the targets in one sweep over their leaves.
@@ -337,6 +338,3 @@ impl<E: Expansion> Far<'_, E> {
 fn terms<V>(level: &[V], index: usize, len: usize) -> &[V] {
     &level[index * len..][..len]
 }
-
-/// Items per task where each takes no time.
-const PIECE: usize = 4096;

@@ -186,7 +186,7 @@ fn complex_kernels_and_many_columns() {
     assert!(error < 1e-6, "{error:e}");
     assert!(fmm.report().stats.expansion_pairs > 0);
 
-    let rgb = from_fn(|x: DVec3, y: DVec3| (-x.distance(y)).exp()).columns::<[f64; 3]>();
+    let rgb = from_fn(|x: DVec3, y: DVec3| (-x.distance(y)).exp()).charges::<[f64; 3]>();
     let charges: Vec<[f64; 3]> =
         (0..1500).map(|_| [random.unit(), random.unit(), random.unit()]).collect();
     let fmm = Fmm::builder(rgb).tolerance(1e-5).leaf_size(30).build(&points, &points).unwrap();

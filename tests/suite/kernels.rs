@@ -162,7 +162,7 @@ fn every_expansion_obeys_the_laws() {
         conformance::check(expansion, &samples, 30.0 * bound).unwrap();
         let columns =
             Samples { source: |p, _| p, target: |p, _| p, charge: |i| [1.0, i as f64, 0.5] };
-        let expansion = HarmonicExpansion::new(kernel.columns::<[f64; 3]>(), order).unwrap();
+        let expansion = HarmonicExpansion::new(kernel.charges::<[f64; 3]>(), order).unwrap();
         conformance::check(expansion, &columns, bound).unwrap();
     }
     check::<MinusOne>(10, 1e-5);

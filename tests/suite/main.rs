@@ -10,6 +10,7 @@ mod kernels;
 mod lists;
 mod moments;
 mod radiosity;
+mod sizes;
 mod translation_theorems;
 mod written_once;
 

@@ -1,20 +1,18 @@
-//! Formulas that are written once: in one line, with their derivatives, in complex numbers, of positions,
-//! with sizes that are known only at run time.
+//! Formulas that are written once: in one line, with their derivatives, in complex numbers, of positions.
 
 use farfield::{
-    Coordinates, Difference, Fmm, Formula, Kernel, Number, Positions, direct, formula, from_fn,
-    from_formula, relative_l2_error, rows_as_points,
+    Coordinates, Difference, Fmm, Formula, Number, Numbers, Positions, direct, formula, from_fn,
+    from_formula, relative_l2_error,
 };
 use farfield_testing::clouds;
 use glam::{DVec3, Vec3};
-use ndarray::{Array2, ShapeBuilder};
 use num_complex::Complex;
 
 use crate::plain;
 
-const N: usize = 3000;
+pub(crate) const N: usize = 3000;
 
-fn cloud() -> (Vec<DVec3>, Vec<f64>) {
+pub(crate) fn cloud() -> (Vec<DVec3>, Vec<f64>) {
     (clouds::cube(N, 1), clouds::charges(N, 2))
 }
 
@@ -41,7 +39,7 @@ fn one_line_is_a_kernel() {
 
 /// (0.1 + r²)^(−1/2), smooth everywhere.
 #[derive(Clone, Copy)]
-struct Softened;
+pub(crate) struct Softened;
 
 impl Formula for Softened {
     type Of = Difference;
@@ -98,7 +96,7 @@ fn second_derivatives_are_those_of_the_sum() {
 }
 
 /// e^{ikr}/(1 + r²).
-struct Wave;
+pub(crate) struct Wave;
 
 impl Formula for Wave {
     type Of = Difference;
@@ -151,114 +149,132 @@ fn formulas_of_positions_have_derivatives_with_respect_to_the_target() {
     assert!(relative_l2_error(&sums, &exact) < 1e-14);
 }
 
-/// A matrix kernel whose sizes are known only at run time, as those of a kernel read from a text are:
-/// G_ab(d) = (c_ab + |d|²)^(−1/2), `side` × `side`, for `columns` right-hand sides.
-struct Table {
-    side: usize,
-    columns: usize,
-    offsets: Vec<f64>,
-    /// How many blocks of entries were asked for.
-    blocks: std::sync::atomic::AtomicUsize,
-}
+/// A matrix formula of two fields and three densities: G_ab = (a + 1 + b d₁)/(1 + r²).
+#[derive(Clone, Copy)]
+pub(crate) struct Matrix;
 
-impl Kernel for Table {
-    type Real = f64;
-    type Source = DVec3;
-    type Target = DVec3;
-    type Charge = Vec<f64>;
-    type Value = Vec<f64>;
-    type Entry = f64;
+impl Formula for Matrix {
+    type Of = Difference;
+    type Entry<N: Number> = N;
+
+    fn entries<N: Number>(&self, d: Coordinates<N>, g: &mut [N]) {
+        let size = (d.length_squared() + 1.0).recip();
+        for (k, entry) in g.iter_mut().enumerate() {
+            let (a, b) = (k / 3, k % 3);
+            *entry = (d.x * b as f64 + (a + 1) as f64) * size;
+        }
+    }
 
     fn fields(&self) -> usize {
-        self.side
+        2
     }
 
     fn densities(&self) -> usize {
-        self.side
-    }
-
-    fn columns(&self) -> usize {
-        self.columns
-    }
-
-    fn entries(&self, x: DVec3, y: DVec3, g: &mut [f64]) {
-        self.entries_block(&[x], &[y], g);
-    }
-
-    fn entries_block(&self, xs: &[DVec3], ys: &[DVec3], g: &mut [f64]) {
-        self.blocks.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
-        let pairs = xs.iter().flat_map(|x| ys.iter().map(move |y| x.distance_squared(*y)));
-        for (r2, g) in pairs.zip(g.chunks_exact_mut(self.offsets.len())) {
-            for (entry, offset) in g.iter_mut().zip(&self.offsets) {
-                *entry = 1.0 / (offset + r2).sqrt();
-            }
-        }
+        3
     }
 }
 
-#[test]
-fn sizes_may_be_known_at_run_time_only() {
-    let points = clouds::cube(800, 1);
-    let (side, columns) = (3, 5);
-    let offsets: Vec<f64> = (0..side * side).map(|k| 0.5 + 0.1 * k as f64).collect();
-    let table = Table { side, columns, offsets, blocks: Default::default() };
-    let numbers = clouds::charges(points.len() * side * columns, 3);
-    let charges: Vec<Vec<f64>> = numbers.chunks(side * columns).map(<[f64]>::to_vec).collect();
-    let sums = direct(&table, &points, &charges, &points[..60]).unwrap();
-    for (x, sums) in points.iter().zip(&sums) {
-        for field in 0..side {
-            for column in 0..columns {
-                let mut exact = 0.0;
-                for (y, q) in points.iter().zip(&charges) {
-                    for density in 0..side {
-                        let offset = table.offsets[field * side + density];
-                        let entry = 1.0 / (offset + x.distance_squared(*y)).sqrt();
-                        exact += entry * q[density * columns + column];
-                    }
-                }
-                let found = sums[field * columns + column];
-                assert!((found - exact).abs() < 1e-11, "field {field}, column {column}");
+/// Two right-hand sides of the matrix formula, pair by pair: values, and their derivatives along an axis.
+fn matrix_sums(x: DVec3, points: &[DVec3], charges: &[[[f64; 2]; 3]]) -> [[f64; 2]; 2] {
+    let mut sums = [[0.0; 2]; 2];
+    for (y, q) in points.iter().zip(charges) {
+        let d = x - *y;
+        for (a, sums) in sums.iter_mut().enumerate() {
+            for (b, q) in q.iter().enumerate() {
+                let entry = ((a + 1) as f64 + b as f64 * d.x) / (1.0 + d.length_squared());
+                (0..2).for_each(|column| sums[column] += entry * q[column]);
             }
         }
     }
-    let fmm = Fmm::builder(&table).tolerance(1e-4).leaf_size(20).build(&points, &points).unwrap();
+    sums
+}
+
+#[test]
+fn matrices_have_derivatives_in_every_column() {
+    let points = clouds::cube(300, 1);
+    let numbers = clouds::charges(300 * 6, 2);
+    let charges: Vec<[[f64; 2]; 3]> =
+        numbers.chunks(6).map(|q| [0, 1, 2].map(|b| [q[2 * b], q[2 * b + 1]])).collect();
+    let kernel = from_formula::<_, DVec3, [[f64; 2]; 3]>(Matrix).values::<[[f64; 2]; 2]>();
+    let sums = direct(&kernel, &points, &charges, &points[..20]).unwrap();
+    let slopes = direct(&kernel.gradient(), &points, &charges, &points[..20]).unwrap();
+    let curves = direct(&kernel.hessian(), &points, &charges, &points[..20]).unwrap();
+    let h = 1e-4;
+    for (i, &x) in points[..20].iter().enumerate() {
+        let at = |x: DVec3| matrix_sums(x, &points, &charges);
+        let close = |found: [[f64; 2]; 2], exact: [[f64; 2]; 2], bound: f64| {
+            let error = relative_l2_error(&[found], &[exact]);
+            assert!(error < bound, "{error:e}");
+        };
+        close(sums[i], at(x), 1e-13);
+        close(slopes[i].value, at(x), 1e-13);
+        close(curves[i].value, at(x), 1e-13);
+        let combined = |terms: &[(f64, DVec3)]| {
+            let mut sum = [[0.0; 2]; 2];
+            terms.iter().for_each(|&(scale, moved)| sum.add_scaled(scale, &at(x + moved)));
+            sum
+        };
+        for (axis, step) in DVec3::AXES.into_iter().enumerate() {
+            let step = step * h;
+            let slope = combined(&[(0.5 / h, step), (-0.5 / h, -step)]);
+            close(slopes[i].gradient[axis], slope, 1e-6);
+            close(curves[i].gradient[axis], slope, 1e-6);
+            let second = h.powi(-2);
+            let curve = combined(&[(second, step), (second, -step), (-2.0 * second, DVec3::ZERO)]);
+            close(curves[i].hessian[[0, 3, 5][axis]], curve, 1e-4);
+        }
+    }
+    let fmm = Fmm::builder(kernel).tolerance(1e-4).leaf_size(10).build(&points, &points).unwrap();
     assert!(fmm.report().stats.expansion_pairs > 0);
-    // A shorter list ends in zeros; a longer one would be cut.
-    let mut uneven = charges.clone();
-    uneven[3] = vec![0.0; side * columns];
-    let zeros = fmm.apply(&uneven).unwrap();
-    uneven[3] = Vec::new();
-    assert_eq!(fmm.apply(&uneven).unwrap(), zeros);
-    uneven[3] = vec![0.0; side * columns + 1];
-    let refusals = [fmm.apply(&uneven), direct(&table, &points, &uneven, &points)];
-    for refused in refusals {
-        let refused = refused.unwrap_err();
-        assert_eq!(refused, farfield::Error::ChargeTooLong { index: 3, expected: 15, found: 16 });
-    }
-    let before = table.blocks.load(std::sync::atomic::Ordering::Relaxed);
-    let values = fmm.apply(&charges).unwrap();
-    assert!(relative_l2_error(&values[..60], &sums) < 1e-4);
-    let asked = table.blocks.load(std::sync::atomic::Ordering::Relaxed) - before;
-    let pairs = fmm.report().stats.direct_pairs as usize;
-    assert!(asked > 0 && 10 * asked < pairs, "blocks, not pairs: {asked} of {pairs}");
+    assert!(relative_l2_error(&fmm.apply(&charges).unwrap()[..20], &sums) < 1e-4);
 }
 
 #[test]
-fn points_may_be_arrays_vectors_or_rows() {
+fn complex_formulas_have_gradients() {
     let (points, charges) = cloud();
-    let arrays: Vec<[f64; 3]> = points.iter().map(|p| p.to_array()).collect();
-    let rows = Array2::from_shape_vec((N, 3), arrays.concat()).unwrap();
-    let mut columns = Array2::zeros((N, 3).f());
-    columns.assign(&rows);
-    let sum = |points: &[[f64; 3]]| {
-        let kernel = from_formula(Softened);
-        let fmm = Fmm::builder(kernel).tolerance(1e-3).leaf_size(50).build(points, points).unwrap();
-        fmm.apply(&charges).unwrap()
+    let waves: Vec<Complex<f64>> = charges.iter().map(|&q| Complex::new(q, 1.0)).collect();
+    // Sources and targets apart: |d| has no derivative at zero.
+    let targets: Vec<DVec3> = points[..40].iter().map(|p| *p + DVec3::X * 1.5).collect();
+    let sums = |moved: DVec3| {
+        let targets: Vec<DVec3> = targets.iter().map(|p| *p + moved).collect();
+        direct(&from_formula(Wave), &points, &waves, &targets).unwrap()
     };
-    let kernel = from_formula(Softened);
-    let fmm = Fmm::builder(kernel).tolerance(1e-3).leaf_size(50).build(&points, &points).unwrap();
-    let expected = fmm.apply(&charges).unwrap();
-    assert_eq!(sum(&arrays), expected);
-    assert_eq!(sum(&rows_as_points(rows.view()).unwrap()), expected);
-    assert_eq!(sum(&rows_as_points(columns.view()).unwrap()), expected);
+    let kernel = from_formula(Wave).gradient();
+    let found = direct(&kernel, &points, &waves, &targets).unwrap();
+    let h = 1e-5;
+    for (axis, step) in DVec3::AXES.into_iter().enumerate() {
+        let (after, before) = (sums(step * h), sums(step * -h));
+        let differences = after.iter().zip(&before).map(|(a, b)| (a - b) / (2.0 * h));
+        let slopes: Vec<Complex<f64>> = found.iter().map(|u| u.gradient[axis]).collect();
+        assert!(relative_l2_error(&slopes, &differences.collect::<Vec<_>>()) < 1e-7);
+    }
+}
+
+#[test]
+fn formulas_of_positions_are_expanded() {
+    let points = clouds::cube(600, 1);
+    let charges = clouds::charges(600, 2);
+    let kernel = from_formula(Drifting);
+    let exact = direct(&kernel, &points, &charges, &points).unwrap();
+    let fmm = Fmm::builder(kernel).tolerance(1e-3).leaf_size(20).build(&points, &points).unwrap();
+    assert!(fmm.report().stats.expansion_pairs > 0);
+    assert!(relative_l2_error(&fmm.apply(&charges).unwrap(), &exact) < 1e-3);
+}
+
+#[test]
+fn gradients_in_single_precision() {
+    let (points, charges) = cloud();
+    let kernel = from_formula(Softened).gradient();
+    let exact = direct(&kernel, &points, &charges, &points).unwrap();
+    let single: Vec<Vec3> = points.iter().map(|p| p.as_vec3()).collect();
+    let numbers: Vec<f32> = charges.iter().map(|&q| q as f32).collect();
+    let kernel = from_formula(Softened).gradient();
+    let sums = direct(&kernel, &single, &numbers, &single).unwrap();
+    let wide: Vec<[f64; 4]> = sums
+        .iter()
+        .map(|u| [u.value, u.gradient[0], u.gradient[1], u.gradient[2]].map(f64::from))
+        .collect();
+    let exact: Vec<[f64; 4]> =
+        exact.iter().map(|u| [u.value, u.gradient[0], u.gradient[1], u.gradient[2]]).collect();
+    assert!(relative_l2_error(&wide, &exact) < 1e-5);
 }

@@ -19,7 +19,7 @@ pub(crate) fn charges<T: Real, C: Numbers<Real = T>>(numbers: &[f64]) -> Vec<C> 
     let charge = |numbers: &[f64]| {
         let mut charge = C::zero();
         for (i, &number) in numbers.iter().enumerate() {
-            charge.set(i, T::from_f64(number));
+            charge.set_number(i, T::from_f64(number));
         }
         charge
     };
@@ -30,7 +30,7 @@ pub(crate) fn charges<T: Real, C: Numbers<Real = T>>(numbers: &[f64]) -> Vec<C> 
 pub(crate) fn numbers<'a, T: Real, C: Numbers<Real = T>>(
     of: impl IntoIterator<Item = &'a C>,
 ) -> Vec<f64> {
-    of.into_iter().flat_map(|c| (0..C::LEN).map(|i| c.get(i).as_f64())).collect()
+    of.into_iter().flat_map(|c| (0..C::LEN).map(|i| c.number(i).as_f64())).collect()
 }
 
 impl Placed for DVec3 {

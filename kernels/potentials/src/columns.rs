@@ -13,7 +13,7 @@ pub(crate) fn same<A: Real, B: Real>(a: A) -> B {
 pub(crate) fn to_columns<C: Numbers, F: Real, const N: usize>(charge: &C) -> [F; N] {
     let mut columns = [F::from_f64(0.0); N];
     for (n, column) in columns.iter_mut().enumerate() {
-        *column = same(charge.get(n));
+        *column = same(charge.number(n));
     }
     columns
 }
@@ -26,7 +26,7 @@ pub(crate) fn from_columns<C: Numbers, F: Real, const N: usize, const LANES: usi
 ) -> C {
     let mut charge = C::zero();
     for (n, row) in rows.iter().enumerate() {
-        charge.set(n, same(row[i]));
+        charge.set_number(n, same(row[i]));
     }
     charge
 }

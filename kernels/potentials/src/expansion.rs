@@ -341,7 +341,7 @@ mod tests {
         fn check<E: Exponent>() {
             let points = points(700, 5);
             let charges: Vec<_> = points.iter().map(|p| [p.y, 1.0 + p.z]).collect();
-            let kernel = PowerLaw::<E, f64>::new().columns::<[f64; 2]>().with_gradient();
+            let kernel = PowerLaw::<E, f64>::new().charges::<[f64; 2]>().with_gradient();
             let exact = direct(&kernel, &points, &charges, &points).unwrap();
             for scheme in
                 [Scheme::Fmm, Scheme::Treecode { m2m: true }, Scheme::Treecode { m2m: false }]

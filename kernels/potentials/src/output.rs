@@ -60,16 +60,20 @@ impl<C: Numbers> Numbers for PotentialGradient<C> {
     }
 
     #[inline(always)]
-    fn get(&self, index: usize) -> C::Real {
-        if index < C::LEN { self.potential.get(index) } else { self.gradient.get(index - C::LEN) }
+    fn number(&self, index: usize) -> C::Real {
+        if index < C::LEN {
+            self.potential.number(index)
+        } else {
+            self.gradient.number(index - C::LEN)
+        }
     }
 
     #[inline(always)]
-    fn set(&mut self, index: usize, number: C::Real) {
+    fn set_number(&mut self, index: usize, number: C::Real) {
         if index < C::LEN {
-            self.potential.set(index, number);
+            self.potential.set_number(index, number);
         } else {
-            self.gradient.set(index - C::LEN, number);
+            self.gradient.set_number(index - C::LEN, number);
         }
     }
 

@@ -45,7 +45,7 @@ impl<E, T> PowerLaw<E, T> {
 
 impl<E, T, C, O> PowerLaw<E, T, C, O> {
     /// The same kernel for charges of another type, such as `[f64; 3]` for three right-hand sides.
-    pub fn columns<D>(self) -> PowerLaw<E, T, D, O> {
+    pub fn charges<D>(self) -> PowerLaw<E, T, D, O> {
         PowerLaw { types: PhantomData }
     }
 
@@ -126,11 +126,11 @@ impl<E: Exponent, T: Real, C: Numbers<Real = T>, O: Output<T, C>> Kernel for Pow
     fn value(&self, _x: &Point<T>, fields: &[T], gradients: &[[T; 3]], u: &mut O::Value) {
         let (mut potential, mut gradient): (C, [C; 3]) = (C::zero(), Numbers::zero());
         for (k, &field) in fields.iter().enumerate() {
-            potential.set(k, field);
+            potential.set_number(k, field);
         }
         for (k, slope) in gradients.iter().enumerate() {
             for (component, &slope) in gradient.iter_mut().zip(slope) {
-                component.set(k, slope);
+                component.set_number(k, slope);
             }
         }
         O::add(u, &potential, &gradient);
@@ -244,7 +244,7 @@ mod tests {
             xs[3] = ys[7];
             xs[18] = ys[0] + DVec3::X * 1e-160;
             let qs: Vec<_> = points(23, 0.7).into_iter().map(|p| p.to_array()).collect();
-            let kernel = PowerLaw::<E, f64>::new().columns::<[f64; 3]>().with_gradient();
+            let kernel = PowerLaw::<E, f64>::new().charges::<[f64; 3]>().with_gradient();
             let mut block = vec![Numbers::zero(); xs.len()];
             kernel.add_block(&xs, &ys, &qs, 0.0, &mut block);
             let mut pairs: Vec<PotentialGradient<[f64; 3]>> = vec![Numbers::zero(); xs.len()];

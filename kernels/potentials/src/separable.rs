@@ -120,7 +120,7 @@ mod tests {
         for origin in [DVec3::ZERO, DVec3::splat(1e8)] {
             let (sources, targets) = (line(40, origin), line(30, origin + DVec3::X));
             let charges: Vec<_> = (0..40).map(|i| [1.0 + f64::from(i), f64::from(i % 3)]).collect();
-            let kernel = SquaredDistance::<f64>::new().columns::<[f64; 2]>();
+            let kernel = SquaredDistance::<f64>::new().charges::<[f64; 2]>();
             let exact = direct(&kernel, &sources, &charges, &targets).unwrap();
             let found = squared_distance_sum(&sources, &charges, &targets).unwrap();
             // The mean of far-away sources is itself rounded; differences from it are not.

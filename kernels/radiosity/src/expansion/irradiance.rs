@@ -148,7 +148,7 @@ impl<T: Real, C: Numbers<Real = T>> Kernel for Irradiance<T, C> {
     fn density(&self, y: &Surfel<T>, q: &C, d: &mut [T]) {
         for (density, n) in d.chunks_exact_mut(C::LEN.max(1)).zip(y.normal.to_array()) {
             for (column, density) in density.iter_mut().enumerate() {
-                *density = n * y.area * q.get(column);
+                *density = n * y.area * q.number(column);
             }
         }
     }
@@ -157,7 +157,7 @@ impl<T: Real, C: Numbers<Real = T>> Kernel for Irradiance<T, C> {
     fn value(&self, x: &Surfel<T>, fields: &[T], _gradients: &[[T; 3]], u: &mut C) {
         for (field, n) in fields.chunks_exact(C::LEN.max(1)).zip(x.normal.to_array()) {
             for (column, &field) in field.iter().enumerate() {
-                u.set(column, u.get(column) - n * field);
+                u.set_number(column, u.number(column) - n * field);
             }
         }
     }

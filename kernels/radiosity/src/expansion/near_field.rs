@@ -84,7 +84,7 @@ impl<T: Real, C: Numbers<Real = T>> Block<'_, T, C> {
                         pack.normal[k][lane] = R::from_f64(normal[k].as_f64());
                     }
                     for n in 0..width {
-                        pack.charge[n][lane] = R::from_f64(weight * q.get(first + n).as_f64());
+                        pack.charge[n][lane] = R::from_f64(weight * q.number(first + n).as_f64());
                     }
                 }
                 pack
@@ -103,7 +103,7 @@ impl<T: Real, C: Numbers<Real = T>> Block<'_, T, C> {
             };
             let sums = at_target::<S, R, N>(simd, clamped, &packs, counting, at, normal);
             for (n, sum) in sums.into_iter().enumerate().take(width) {
-                u.set(first + n, u.get(first + n) + T::from_f64(sum.as_f64()));
+                u.set_number(first + n, u.number(first + n) + T::from_f64(sum.as_f64()));
             }
         }
     }

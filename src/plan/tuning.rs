@@ -1,0 +1,49 @@
+//! The tuned constants of plans and their applications.
+//!
+//! Times and sizes were measured on two cores of one AVX-512 machine with 1/r at 1e5 and 1e6 points.
+
+/// Expansions may take this many times as long as forecast.
+pub(crate) const DOUBT: f64 = 16.0;
+
+/// How often a plan is applied at most to see how long that takes.
+pub(crate) const APPLY_REPETITIONS: usize = 4;
+
+/// After how many seconds a plan is no longer applied to see how long that takes.
+pub(crate) const APPLY_BUDGET: f64 = 0.05;
+
+/// Values per task of a check.
+pub(crate) const CHECK_CHUNK: usize = 4096;
+
+/// Cells of an interaction list in the midst of a volume: what leaf sizes are chosen for.
+pub(crate) const FULL_LIST: f64 = 189.0;
+
+/// M2P at a target costs about as much as this many pairs for each term, as does P2L of a source.
+pub(crate) const TERM_PAIRS: usize = 4;
+
+/// The share of M2L in what an expansion takes with full lists.
+pub(crate) const M2L_SHARE: f64 = 2.0 / 3.0;
+
+/// About how many tasks the leaves are cut into: enough to keep many threads evenly busy.
+pub(crate) const TASKS: u64 = 1024;
+
+/// Bytes of sources and charges that are gathered: they stay in the fastest cache while groups of
+/// targets pass.
+pub(crate) const GATHERED_BYTES: usize = 1 << 15;
+
+/// Plans for fewer points than this are not worth a measurement.
+pub(crate) const WORTHWHILE: usize = 512;
+
+/// What is taken for a pair that has not been measured.
+pub(crate) const NOMINAL_SECONDS: f64 = 1e-9;
+
+/// The most points of a kind in one measurement: about what a leaf meets.
+pub(crate) const PAIR_SAMPLE: usize = 256;
+
+/// How long measurements of a pair go on, in seconds.
+pub(crate) const PAIR_BUDGET: f64 = 1e-3;
+
+/// How often the largest block is timed at most.
+pub(crate) const PAIR_REPETITIONS: usize = 8;
+
+/// Items per task where each takes no time.
+pub(crate) const PIECE: usize = 4096;
