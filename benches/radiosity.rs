@@ -1,5 +1,5 @@
-//! One gather of red, green and blue on the inside of a sphere, where nothing is hidden: interpolation
-//! beside the 16-moment expansion. Accuracy is asserted before anything is measured.
+//! Measures one gather of red, green and blue on the inside of a sphere, where nothing is hidden, by
+//! interpolation and by the 16-moment expansion. Accuracy is asserted before any measurement.
 
 use std::f64::consts::PI;
 use std::hint::black_box;

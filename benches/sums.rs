@@ -1,30 +1,24 @@
-//! Whole sums, plan and application apart, beside direct summation. Accuracy is asserted before
-//! anything is measured.
+//! Measures plans and applications of whole sums, and direct summation beside them. Accuracy is asserted
+//! before any measurement.
 
 use std::hint::black_box;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use farfield::{Fmm, Scheme, direct, from_fn, relative_l2_error};
+use farfield_benches::clouds;
 use farfield_potentials::{HarmonicExpansion, InverseDistance};
 use glam::DVec3;
 
 const TOLERANCE: f64 = 1e-4;
 
-fn cloud(n: usize) -> (Vec<DVec3>, Vec<f64>) {
-    // Steps of a low-discrepancy sequence: uniform, and the same on every machine.
-    let point = |i| (DVec3::new(0.819_173, 0.671_044, 0.549_700) * f64::from(i)).fract();
-    let points: Vec<DVec3> = (1..=n as u32).map(point).collect();
-    let charges = points.iter().map(|p| p.x - p.y).collect();
-    (points, charges)
-}
-
 fn sums(criterion: &mut Criterion) {
     let formula = from_fn(|x: DVec3, y: DVec3| 1.0 / x.distance(y)).skip_coincident();
     for n in [2_000, 20_000] {
-        let (points, charges) = cloud(n);
+        let points = clouds::even(n);
+        let charges: Vec<f64> = points.iter().map(|p| p.x - p.y).collect();
         let mut group = criterion.benchmark_group("inverse distance");
         group.throughput(Throughput::Elements(n as u64)).sample_size(10);
-        let exact = direct(&formula, &points, &charges, &points);
+        let exact = direct(&formula, &points, &charges, &points).unwrap();
 
         let plan = || {
             Fmm::builder(formula)
@@ -55,7 +49,7 @@ fn sums(criterion: &mut Criterion) {
 
         let kernel = InverseDistance::<f64>::new();
         group.bench_function(BenchmarkId::new("direct", n), |b| {
-            b.iter(|| direct(&kernel, &points, black_box(&charges), &points));
+            b.iter(|| direct(&kernel, &points, black_box(&charges), &points).unwrap());
         });
         group.finish();
     }

@@ -13,16 +13,10 @@
 //! cargo run --release --example own_expansion
 //! ```
 
-use clap::Parser;
 use farfield::conformance::{self, Samples};
+use farfield::glam::DVec3;
+use farfield::num_complex::Complex;
 use farfield::{Cell, Expansion, Fmm, Kernel, direct, relative_l2_error};
-use glam::DVec3;
-use num_complex::Complex;
-
-/// Sums cosine waves through an expansion that this example defines, and checks it against direct
-/// summation
-#[derive(Parser)]
-struct Args {}
 
 const POINTS: usize = 10_000;
 const CHECKED: usize = 500;
@@ -30,7 +24,6 @@ const CHECKED: usize = 500;
 const ROUNDING: f64 = 1e-12;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    Args::parse();
     // Before any tree: do the operators obey the laws, each alone and all together?
     let samples = Samples { source: |p, _| p, target: |p, _| p, charge: |i| 1.0 + i as f64 };
     conformance::check(Waves::inside(2), &samples, ROUNDING)?;
@@ -39,12 +32,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
     let points: Vec<DVec3> = (0..POINTS).map(point).collect();
     let charges: Vec<f64> = (0..POINTS).map(|i| (i as f64).sin()).collect();
-    let exact = direct(&waves, &points, &charges, &points[..CHECKED]);
+    let exact = direct(&waves, &points, &charges, &points[..CHECKED])?;
 
     let fmm = Fmm::with_expansion(waves).build(&points, &points)?;
     let values = fmm.apply(&charges)?;
     let error = relative_l2_error(&values[..CHECKED], &exact);
-    let stats = fmm.stats();
+    let stats = fmm.report().stats;
     println!(
         "{POINTS} points, {} waves: {} pairs by expansion, {} directly, relative l2 error {error:.1e}",
         stats.terms_per_cell, stats.expansion_pairs, stats.direct_pairs
@@ -90,9 +83,10 @@ impl Kernel for Waves {
     type Target = DVec3;
     type Charge = f64;
     type Value = f64;
+    type Entry = f64;
 
-    fn add(&self, x: &DVec3, y: &DVec3, q: &f64, u: &mut f64) {
-        *u += q * self.0.iter().map(|w| w.amplitude * w.k.dot(*x - *y).cos()).sum::<f64>();
+    fn entries(&self, x: DVec3, y: DVec3, g: &mut [f64]) {
+        g[0] = self.0.iter().map(|w| w.amplitude * w.k.dot(x - y).cos()).sum();
     }
 }
 

@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use crate::dispatch_level::UnknownDispatchLevel;
+
 /// Which of the two point sets an error speaks of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PointSet {
@@ -21,7 +23,7 @@ impl fmt::Display for PointSet {
 }
 
 /// Every way in which the engine refuses an input.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
     /// A coordinate is NaN or infinite.
@@ -35,24 +37,24 @@ pub enum Error {
         position: [f64; 3],
     },
     /// A charge holds a NaN or an infinity.
-    #[error("charge {index} is {charge}: expected a finite charge")]
+    #[error("charge {index} is {charge:?}: expected a finite charge")]
     NonFiniteCharge {
         /// Its index in the caller's order.
         index: usize,
-        /// The charge, printed.
-        charge: String,
+        /// Its numbers.
+        charge: Vec<f64>,
     },
     /// A sum came out as NaN or infinite although all inputs were finite: the kernel is singular at
     /// a pair that occurs, or the sum overflows.
     #[error(
-        "the sum at target {index} is {value}: expected the kernel to be finite at every pair that \
+        "the sum at target {index} is {value:?}: expected the kernel to be finite at every pair that \
          occurs (a kernel that is singular at coincident points must give zero there)"
     )]
     NonFiniteValue {
         /// The target's index in the caller's order.
         index: usize,
-        /// The sum, printed.
-        value: String,
+        /// The numbers of the sum.
+        value: Vec<f64>,
     },
     /// The kernel is NaN or infinite between points of well-separated cells.
     #[error("the kernel is not finite between well-separated points: expected a finite number")]
@@ -129,7 +131,31 @@ pub enum Error {
         /// The bytes that they would need, as [`Estimate::bytes`](crate::Estimate::bytes) foretells.
         needed: usize,
     },
+    /// An expansion of the user's own refuses what is asked of it.
+    #[error("the expansion can't be prepared: {0}")]
+    Expansion(#[source] Box<dyn std::error::Error + Send + Sync>),
     /// A leaf size of zero.
     #[error("leaf size 0: expected at least 1 point per leaf")]
     InvalidLeafSize,
+    /// The environment variable that caps the processor's instructions does not name a level.
+    #[error(transparent)]
+    UnknownDispatchLevel(#[from] UnknownDispatchLevel),
+}
+
+impl Error {
+    /// Refuses any other number of charges than one per source.
+    pub(crate) fn check_charges(sources: usize, charges: usize) -> Result<(), Self> {
+        if sources == charges {
+            return Ok(());
+        }
+        Err(Self::LengthMismatch { what: "charges", expected: sources, found: charges })
+    }
+}
+
+/// Errors are equal if they are of one kind and say the same.
+impl PartialEq for Error {
+    fn eq(&self, other: &Self) -> bool {
+        std::mem::discriminant(self) == std::mem::discriminant(other)
+            && self.to_string() == other.to_string()
+    }
 }

@@ -29,7 +29,7 @@
 //! | you have | you write |
 //! |---|---|
 //! | a formula | a closure for [`from_fn`] |
-//! | a formula and attributes on the points (normals, areas, …) | [`Kernel`], one method; [`PointKernel`], three short ones, for the black-box [`Interpolation`] |
+//! | a formula and attributes on the points (normals, areas, …) | [`Kernel`], one method; [`Kernel`], three short ones, for the black-box [`Interpolation`] |
 //! | an analytic expansion | [`Expansion`]: P2M, M2M, M2L, L2L, L2P; held to its laws by [`conformance::check`] |
 //! | pairs that must not count (occlusion, exclusions) | [`Mask`], two methods |
 //!
@@ -40,6 +40,7 @@
 //! [`direct`] is the reference for everything.
 
 // Each folder imports only from those above it.
+mod dispatch_level;
 mod error;
 mod parallel;
 mod linalg;
@@ -55,16 +56,27 @@ pub mod conformance;
 
 pub use certificate::Certificate;
 pub use certificate::sampling::Sampling;
+pub use dispatch_level::{DispatchLevel, UnknownDispatchLevel, dispatch};
 pub use error::{Error, PointSet};
+pub use expansion::costs::Costs;
 pub use expansion::{
     ChargeOf, Expansion, Geometry, Level, LevelFamilies, LevelPairs, OffsetMap, RealOf, SourceOf,
     TargetOf, ValueOf,
 };
 pub use interpolation::black_box::Interpolation;
 pub use interpolation::tuning::MAX_ORDER;
+pub use kernel::closure::{FnGradient, FnKernel, from_fn};
+pub use kernel::derivatives::{Derivatives, WithHessian};
+pub use kernel::direct::{direct, relative_l2_error};
+pub use kernel::formula::{Difference, Form, Formula, FormulaEntry, Positions};
+pub use kernel::formula_kernel::{FormulaGradient, FormulaKernel, from_formula};
 pub use kernel::mask::{CellView, Coverage, Mask, Unmasked, direct_masked};
-pub use kernel::{FnKernel, Kernel, Outcome, PointKernel, direct, from_fn, relative_l2_error};
-pub use numbers::real::{Additive, Columns, Linear, Located, Point, Real, Scalar, Vector};
+pub use kernel::traits::{Kernel, Outcome};
+pub use kernel::with_gradient::WithGradient;
+pub use numbers::number::{Coordinates, Number};
+#[cfg(feature = "ndarray")]
+pub use numbers::rows::rows_as_points;
+pub use numbers::traits::{Located, Numbers, Point, Real, Scalar, Vector};
 pub use octree::geometry::{Cell, Cube, MAX_LEVEL};
 pub use plan::Scheme;
 pub use plan::builder::Builder;
@@ -73,3 +85,4 @@ pub use plan::fmm::Fmm;
 pub use plan::report::{LevelReport, Report};
 pub use plan::stats::Stats;
 pub use plan::times::{ApplyTimes, BuildTimes, Phase, Progress};
+pub use {glam, num_complex};

@@ -23,7 +23,7 @@ fn a_warm_plan_allocates_nothing_but_its_result() {
     let charges = vec![1.0; points.len()];
     let plan = Fmm::with_expansion(Counting::<f64>::new()).leaf_size(8);
     let fmm = plan.build(&points, &points).unwrap();
-    assert!(fmm.stats().cell_pairs.iter().all(|&pairs| pairs > 0));
+    assert!(fmm.report().stats.cell_pairs.iter().all(|&pairs| pairs > 0));
 
     let pool = rayon::ThreadPoolBuilder::new().num_threads(4).build().unwrap();
     pool.install(|| {

@@ -12,7 +12,7 @@ use crate::certificate::sampling::{Sampling, WeightedTargets, upper_mean};
 use crate::error::Error;
 use crate::expansion::{ChargeOf, Expansion, RealOf, ValueOf};
 use crate::numbers::random::Random;
-use crate::numbers::real::{Additive, Real, l2_norm};
+use crate::numbers::traits::{Numbers, Real, l2_norm};
 use crate::parallel;
 use crate::plan::fmm::{Fmm, check_values};
 
@@ -29,6 +29,7 @@ use crate::plan::fmm::{Fmm, check_values};
 /// of it when cancellation is taken out.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[non_exhaustive]
 pub struct Certificate {
     /// With probability [`confidence`](Self::confidence) at least, ‖error‖ / ‖u‖ over *all* targets is
     /// no more than this. Infinite if the values are no larger than their errors may be.
@@ -153,12 +154,12 @@ impl Squares {
 
 impl<'a, E: Expansion> Sample<'a, E> {
     fn new(reference: Reference<'a, E>, values: &'a [ValueOf<E>], far: &'a [ValueOf<E>]) -> Self {
-        let norm = l2_norm(values.iter().copied());
+        let norm = l2_norm(values.iter().cloned());
         let unit = if norm > 0.0 { norm } else { 1.0 };
         let squares: Vec<[f64; 2]> = parallel::map(values.len(), &|i| {
-            let mut near = values[i];
+            let mut near = values[i].clone();
             near.subtract(&far[i]);
-            [near, far[i]].map(|part| (part.norm() / unit).powi(2))
+            [&near, &far[i]].map(|part| (part.norm() / unit).powi(2))
         });
         Self {
             reference,
@@ -203,7 +204,7 @@ impl<'a, E: Expansion> Sample<'a, E> {
         for (&t, sum) in new.iter().zip(self.reference.sums(&new)) {
             if !sum.all.high.is_finite() {
                 let index = self.reference.plan.target_tree.shape.order[t] as usize;
-                return Err(Error::NonFiniteValue { index, value: format!("{:?}", sum.all.high) });
+                return Err(Error::NonFiniteValue { index, value: sum.all.high.to_f64s() });
             }
             self.known.insert(t, self.squares(t, &sum));
         }
@@ -213,10 +214,10 @@ impl<'a, E: Expansion> Sample<'a, E> {
     /// What is known about the target at place `t`.
     fn squares(&self, t: usize, sum: &ReferenceSum<ValueOf<E>>) -> Squares {
         let error = sum.all.subtracted_from(&self.values[t]);
-        let mut exact_far = sum.all;
+        let mut exact_far = sum.all.clone();
         exact_far.subtract(&sum.near);
         let far_error = exact_far.subtracted_from(&self.far[t]);
-        let mut near_error = error;
+        let mut near_error = error.clone();
         near_error.subtract(&far_error);
         let squared = |magnitude: f64| (magnitude / self.unit).powi(2);
         Squares {

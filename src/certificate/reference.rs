@@ -4,10 +4,10 @@ use std::ops::Range;
 
 use crate::expansion::{ChargeOf, Expansion, RealOf, TargetOf, ValueOf};
 use crate::interaction::lists::ALL;
-use crate::kernel::Kernel;
+use crate::kernel::traits::Kernel;
 use crate::numbers::bits::for_each_set_bit;
 use crate::numbers::double_word::DoubleWord;
-use crate::numbers::real::{Additive, Linear, Real};
+use crate::numbers::traits::{Numbers, Real};
 use crate::parallel;
 use crate::plan::Plan;
 
@@ -47,7 +47,8 @@ impl<E: Expansion> Reference<'_, E> {
         let xs: Vec<TargetOf<E>> =
             whole.iter().map(|&i| self.plan.targets[targets[i]].clone()).collect();
         for (&i, (all, absolute)) in whole.iter().zip(self.over_all_sources(&xs)) {
-            sums[i].0 = ReferenceSum { all, absolute, ..sums[i].0 };
+            let sum = &mut sums[i].0;
+            (sum.all, sum.absolute) = (all, absolute);
         }
         sums.into_iter().map(|(sum, _)| sum).collect()
     }
@@ -77,7 +78,7 @@ impl<E: Expansion> Reference<'_, E> {
                 });
             }
         }
-        let near = sums.values[0];
+        let near = sums.values[0].clone();
 
         let mut far: Vec<(f64, Range<usize>)> = Vec::new();
         let cells = |list: &[u32], weight: f64, far: &mut Vec<_>| {
@@ -98,7 +99,7 @@ impl<E: Expansion> Reference<'_, E> {
                 self.add(x, points, weight, &mut sums);
             }
         }
-        let (all, absolute) = (sums.values[0], sums.absolute[0]);
+        let (all, absolute) = (sums.values[0].clone(), sums.absolute[0]);
         (ReferenceSum { near, all, absolute }, whole)
     }
 
@@ -134,15 +135,12 @@ impl<E: Expansion> Reference<'_, E> {
         let kernel = self.plan.expansion.kernel();
         let ys = self.plan.sources[sources.clone()].chunks(1);
         for (y, q) in ys.zip(self.charges[sources].chunks(1)) {
-            sums.pairs.fill(Additive::zero());
-            match xs {
-                [x] => kernel.add(x, &y[0], &q[0], &mut sums.pairs[0]),
-                _ => kernel.add_block(xs, y, q, 0.0, &mut sums.pairs),
-            }
+            sums.pairs.fill(Numbers::zero());
+            kernel.add_block(xs, y, q, 0.0, &mut sums.pairs);
             if weight != 1.0 {
                 let weight = <RealOf<E> as Real>::from_f64(weight);
                 for pair in &mut sums.pairs {
-                    let whole = std::mem::replace(pair, Additive::zero());
+                    let whole = std::mem::replace(pair, Numbers::zero());
                     pair.add_scaled(weight, &whole);
                 }
             }
@@ -161,7 +159,7 @@ struct Sums<V> {
     pairs: Vec<V>,
 }
 
-impl<V: Additive> Sums<V> {
+impl<V: Numbers> Sums<V> {
     fn zero(targets: usize) -> Self {
         Self {
             values: vec![DoubleWord::zero(); targets],

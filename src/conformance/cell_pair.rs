@@ -3,8 +3,9 @@
 use crate::conformance::samples::Samples;
 use crate::conformance::violation::Violation;
 use crate::expansion::{ChargeOf, Expansion, RealOf, SourceOf, TargetOf, ValueOf};
-use crate::kernel::{Outcome, direct, relative_l2_error};
-use crate::numbers::real::{Additive, Point, Real, Vector, l2_norm};
+use crate::kernel::direct::{direct, relative_l2_error};
+use crate::kernel::traits::Outcome;
+use crate::numbers::traits::{Numbers, Point, Real, Vector, l2_norm};
 use crate::octree::geometry::{Cell, Cube};
 
 /// Level of the cells between which M2L acts; their children hold the points.
@@ -58,7 +59,7 @@ impl<'a, E: Expansion> CellPair<'a, E> {
         X: Fn(Point<RealOf<E>>, usize) -> TargetOf<E>,
         Q: Fn(usize) -> ChargeOf<E>,
     {
-        let cell = |level, c: [i32; 3]| Cell::new(root, level, c.map(|c| c as u32));
+        let cell = |level, c: [i32; 3]| Cell::new(root, level, c.map(|c| c as u64));
         let child = |c: [i32; 3], octant: [i32; 3]| -> [i32; 3] {
             std::array::from_fn(|k| 2 * c[k] + octant[k])
         };
@@ -90,7 +91,7 @@ impl<'a, E: Expansion> CellPair<'a, E> {
     /// Every chain of operators from sources to targets against direct summation.
     pub(super) fn chains(&self, bound: f64) -> Result<(), Violation> {
         let charges = &self.charges[0];
-        let exact = direct(self.expansion.kernel(), &self.sources, charges, &self.targets);
+        let exact = direct(self.expansion.kernel(), &self.sources, charges, &self.targets)?;
         let hold = |chain, values: &[ValueOf<E>]| {
             let error = relative_l2_error(values, &exact);
             if error <= bound {
@@ -196,7 +197,7 @@ impl<'a, E: Expansion> CellPair<'a, E> {
 }
 
 /// The output of an optional operator, if it did its work.
-fn unless_declined<V: Additive>(
+fn unless_declined<V: Numbers>(
     operator: &'static str,
     outcome: Outcome,
     out: Vec<V>,
@@ -210,7 +211,7 @@ fn unless_declined<V: Additive>(
 
 /// Applies an operator to a, b and a + b, and to b once more on top of its result for a. Returns the
 /// first three results. `like` has the length of the output.
-fn additive<I, O: Additive>(
+fn additive<I, O: Numbers>(
     operator: &'static str,
     bound: f64,
     inputs: [&Vec<I>; 3],
@@ -226,7 +227,7 @@ fn additive<I, O: Additive>(
     let mut onto = results[0].clone();
     apply(inputs[1], &mut onto);
     let hold = |fault, found: &[O]| {
-        let size = l2_norm(results.iter().flatten().copied());
+        let size = l2_norm(results.iter().flatten().cloned());
         let deviation = l2_norm(found.iter().zip(&expected).map(|(a, b)| difference(a, b)));
         let deviation = if deviation == 0.0 { 0.0 } else { deviation / size };
         if deviation <= bound {
@@ -239,17 +240,17 @@ fn additive<I, O: Additive>(
     Ok(results)
 }
 
-fn difference<V: Additive>(a: &V, b: &V) -> V {
-    let mut difference = *a;
+fn difference<V: Numbers>(a: &V, b: &V) -> V {
+    let mut difference = a.clone();
     difference.subtract(b);
     difference
 }
 
-fn zeros<V: Additive>(len: usize) -> Vec<V> {
+fn zeros<V: Numbers>(len: usize) -> Vec<V> {
     vec![V::zero(); len]
 }
 
-fn added<V: Additive>(a: &[V], b: &[V]) -> Vec<V> {
+fn added<V: Numbers>(a: &[V], b: &[V]) -> Vec<V> {
     let mut sum = a.to_vec();
     for (s, b) in sum.iter_mut().zip(b) {
         s.accumulate(b);

@@ -3,8 +3,8 @@
 use std::marker::PhantomData;
 
 use crate::expansion::Expansion;
-use crate::kernel::{Kernel, Outcome, PointKernel};
-use crate::numbers::real::{Located, Point, Real, Vector};
+use crate::kernel::traits::{Kernel, Outcome};
+use crate::numbers::traits::{Located, Point, Real, Vector};
 use crate::octree::geometry::Cell;
 
 /// K ≡ 1: every sum is the total charge, an integer if the charges are. A pair that is counted twice
@@ -57,28 +57,10 @@ macro_rules! one_term {
             type Target = Point<T>;
             type Charge = T;
             type Value = T;
-
-            fn add(&self, x: &Point<T>, y: &Point<T>, q: &T, u: &mut T) {
-                *u += Self::factor(*x - *y) * *q;
-            }
-        }
-
-        impl<T: Real> PointKernel for $kernel<T> {
             type Entry = T;
-            type Column = T;
-            const DENSITIES: usize = 1;
-            const FIELDS: usize = 1;
 
             fn entries(&self, x: Point<T>, y: Point<T>, g: &mut [T]) {
                 g[0] = Self::factor(x - y);
-            }
-
-            fn density(&self, _: &Point<T>, q: &T, d: &mut [T]) {
-                d[0] = *q;
-            }
-
-            fn value(&self, _: &Point<T>, fields: &[T], _: &[[T; 3]], u: &mut T) {
-                *u += fields[0];
             }
         }
 

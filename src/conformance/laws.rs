@@ -3,8 +3,9 @@
 use crate::conformance::samples::Samples;
 use crate::conformance::violation::Violation;
 use crate::expansion::{ChargeOf, Expansion, Geometry, Level, RealOf, SourceOf, TargetOf};
-use crate::kernel::{PointKernel, relative_l2_error};
-use crate::numbers::real::{Additive, Linear, Located, Point, Real, Vector};
+use crate::kernel::direct::relative_l2_error;
+use crate::kernel::traits::{Kernel, add_by_entries};
+use crate::numbers::traits::{Located, Numbers, Point, Real, Vector};
 use crate::octree::geometry::{Cell, Cube};
 
 use crate::conformance::cell_pair::{CellPair, LEVEL, OFFSETS, POINTS, UNANNOUNCED, scatter};
@@ -43,54 +44,70 @@ where
     Ok(())
 }
 
-/// Checks that density, G and value together are the kernel's own `add`, to the relative l2 error
-/// `tolerance`, at well-separated points. Kernels whose value needs gradients have them checked
-/// through [`check`] alone.
+/// Checks that a kernel's methods agree with each other: [`add_block`](Kernel::add_block) and [`add_pairs`](Kernel::add_pairs) give what density, entries and
+/// value give together, and [`entries_block`](Kernel::entries_block) gives the entries of each pair; all
+/// to the relative l2 error `tolerance`, at well-separated points.
 ///
 /// # Errors
-/// If they differ.
-pub fn check_point_kernel<K, S, X, Q>(
+/// The first method that differs.
+pub fn check_kernel<K, S, X, Q>(
     kernel: &K,
     samples: &Samples<S, X, Q>,
     tolerance: f64,
 ) -> Result<(), Violation>
 where
-    K: PointKernel,
+    K: Kernel,
     S: Fn(Point<K::Real>, usize) -> K::Source,
     X: Fn(Point<K::Real>, usize) -> K::Target,
     Q: Fn(usize) -> K::Charge,
 {
-    if K::GRADIENT {
-        return Ok(());
-    }
     let apart = Point::<K::Real>::from_array([K::Real::from_f64(4.0); 3]);
-    let mut g = vec![<K::Entry as Additive>::zero(); K::FIELDS * K::DENSITIES];
-    let mut density = vec![K::Column::zero(); K::DENSITIES];
-    let (mut factored, mut added) = (Vec::new(), Vec::new());
-    for i in 0..POINTS {
-        let y = (samples.source)(scatter::<K::Real>(i), i);
-        let x = (samples.target)(scatter::<K::Real>(i + POINTS) + apart, i);
-        let q = (samples.charge)(i);
-        let mut u = K::Value::zero();
-        kernel.add(&x, &y, &q, &mut u);
-        added.push(u);
+    let source = |j| (samples.source)(scatter::<K::Real>(j), j);
+    let target = |i| (samples.target)(scatter::<K::Real>(i + POINTS) + apart, i);
+    let (ys, xs): (Vec<_>, Vec<_>) =
+        ((0..POINTS).map(source).collect(), (0..POINTS).map(target).collect());
+    let qs: Vec<K::Charge> = (0..POINTS).map(&samples.charge).collect();
+    let zeros = || vec![K::Value::zero(); POINTS];
 
-        kernel.density(&y, &q, &mut density);
-        kernel.entries(x.position(), y.position(), &mut g);
-        let mut fields = vec![K::Column::zero(); K::FIELDS];
-        for (k, &entry) in g.iter().enumerate() {
-            fields[k / K::DENSITIES].add_scaled(entry, &density[k % K::DENSITIES]);
-        }
-        let mut u = K::Value::zero();
-        kernel.value(&x, &fields, &[], &mut u);
-        factored.push(u);
+    let mut factored = zeros();
+    add_by_entries(kernel, &xs, &ys, &qs, &mut factored);
+    let mut by_block = zeros();
+    kernel.add_block(&xs, &ys, &qs, 0.0, &mut by_block);
+    let mut by_bits = zeros();
+    let all_bits = vec![u64::MAX; (POINTS * POINTS).div_ceil(64)];
+    kernel.add_pairs(&xs, &ys, &qs, &all_bits, 0.0, &mut by_bits);
+    let sums = [("add_block", by_block), ("add_pairs", by_bits)];
+    for (operator, sums) in sums {
+        let fault = "differs from value ∘ entries ∘ density";
+        agree(operator, fault, relative_l2_error(&sums, &factored), tolerance)?;
     }
-    let deviation = relative_l2_error(&factored, &added);
-    if deviation <= tolerance {
+
+    let [xs, ys] = [
+        xs.iter().map(Located::position).collect::<Vec<_>>(),
+        ys.iter().map(Located::position).collect::<Vec<_>>(),
+    ];
+    let len = kernel.fields() * kernel.densities();
+    let mut block = vec![<K::Entry as Numbers>::zero(); POINTS * POINTS * len];
+    let mut pairs = block.clone();
+    kernel.entries_block(&xs, &ys, &mut block);
+    for (pair, g) in pairs.chunks_exact_mut(len).enumerate() {
+        kernel.entries(xs[pair / POINTS], ys[pair % POINTS], g);
+    }
+    let deviation = relative_l2_error(&block, &pairs);
+    agree("entries_block", "differs from entries", deviation, tolerance)
+}
+
+/// Refuses a deviation that is more than the bound, or not a number.
+fn agree(
+    operator: &'static str,
+    fault: &'static str,
+    deviation: f64,
+    bound: f64,
+) -> Result<(), Violation> {
+    if deviation <= bound {
         return Ok(());
     }
-    let (operator, fault) = ("value ∘ G ∘ density", "differs from add");
-    Err(Violation::Operator { operator, fault, deviation, bound: tolerance })
+    Err(Violation::Operator { operator, fault, deviation, bound })
 }
 
 #[cfg(test)]
@@ -98,7 +115,8 @@ mod tests {
     use super::*;
     use crate::conformance::exact::{Counting, RankOne};
     use crate::interpolation::black_box::Interpolation;
-    use crate::kernel::{Outcome, from_fn};
+    use crate::kernel::closure::from_fn;
+    use crate::kernel::traits::Outcome;
     use glam::{DVec3, Vec3};
     use num_complex::Complex;
 
@@ -126,7 +144,7 @@ mod tests {
     fn interpolation_passes_for_real_complex_and_many_columns() {
         let inverse = |x: DVec3, y: DVec3| 1.0 / x.distance(y);
         let kernel = from_fn(inverse);
-        check_point_kernel(&kernel, &plain!(), 1e-15).unwrap();
+        check_kernel(&kernel, &plain!(), 1e-15).unwrap();
         check(Interpolation::new(kernel).order(6), &plain!(), 1e-3).unwrap();
         // The sample charges nearly cancel, and one pair of cells has no near field to set against.
         check(Interpolation::new(kernel).tolerance(1e-5), &plain!(), 1e-4).unwrap();

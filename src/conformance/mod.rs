@@ -21,6 +21,6 @@ mod samples;
 mod violation;
 
 pub use exact::{Counting, RankOne};
-pub use laws::{check, check_point_kernel};
+pub use laws::{check, check_kernel};
 pub use samples::Samples;
 pub use violation::Violation;

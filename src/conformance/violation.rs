@@ -3,7 +3,7 @@
 use crate::error::Error;
 
 /// A law that does not hold.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[derive(Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Violation {
     /// The expansion could not be prepared.

@@ -1,10 +1,13 @@
 //! Expansions: how a kernel's far field is carried from cell to cell.
 
+pub(crate) mod costs;
+
 use std::ops::Range;
 
 use crate::error::Error;
-use crate::kernel::{Kernel, Outcome};
-use crate::numbers::real::{Additive, Real};
+use crate::expansion::costs::Costs;
+use crate::kernel::traits::{Kernel, Outcome};
+use crate::numbers::traits::{Numbers, Real};
 use crate::octree::geometry::{Cell, Cube};
 use crate::octree::shape::Node;
 use crate::octree::tree::Tree;
@@ -31,9 +34,9 @@ pub trait Expansion: Send + Sync {
     /// The kernel expanded.
     type Kernel: Kernel;
     /// One multipole term.
-    type MultipoleTerm: Additive;
+    type MultipoleTerm: Numbers;
     /// One local term.
-    type LocalTerm: Additive;
+    type LocalTerm: Numbers;
 
     /// The kernel expanded.
     fn kernel(&self) -> &Self::Kernel;
@@ -56,34 +59,10 @@ pub trait Expansion: Send + Sync {
         Ok(())
     }
 
-    /// How many points a leaf may hold, so that the near and the far field cost about the same, if
-    /// one pair summed directly takes `_pair_seconds`.
-    fn leaf_size(&self, _pair_seconds: f64) -> usize {
-        64
-    }
-
-    /// The relative error that [`Kernel::add_block`] may make in a pair of the near field; 0 asks for
-    /// all digits.
-    fn pair_tolerance(&self) -> f64 {
-        0.0
-    }
-
-    /// About how many terms a multipole or a local expansion will have, asked before
-    /// [`prepare`](Self::prepare) to foretell what a plan costs.
-    fn expected_terms(&self) -> usize {
-        self.multipole_len(2)
-    }
-
-    /// How many pairs summed directly cost as much as [`m2p`](Self::m2p) at one target; cells of
-    /// `level` with fewer sources are summed directly.
-    fn m2p_pairs(&self, level: usize) -> usize {
-        self.multipole_len(level)
-    }
-
-    /// How many pairs summed directly cost as much as [`p2l`](Self::p2l) of one source; target cells
-    /// of `level` with fewer targets are summed directly.
-    fn p2l_pairs(&self, level: usize) -> usize {
-        self.local_len(level)
+    /// What the operators cost at cells of `level`, and how exact pairs have to be. Also asked before
+    /// [`prepare`](Self::prepare), of level 2.
+    fn costs(&self, level: usize) -> Costs {
+        Costs::new(self.multipole_len(level), self.local_len(level))
     }
 
     /// Adds the moments of `sources` with `charges` about the centre of `cell`.
@@ -172,12 +151,6 @@ pub trait Expansion: Send + Sync {
             let multipole = &multipoles[s * multipole_len..][..multipole_len];
             self.m2l(&level.sources[s], &level.targets[t], multipole, local);
         });
-    }
-
-    /// Whether [`m2l_level`](Self::m2l_level) heeds [`LevelPairs::weight`]; the engine has no weights but 1
-    /// for expansions that don't.
-    fn weighs(&self) -> bool {
-        false
     }
 
     /// Adds the values of a multipole expansion at `targets` that are well separated from `cell`.
@@ -329,7 +302,7 @@ pub struct LevelPairs<'a, T: Real> {
     /// The level.
     pub level: usize,
     /// The factor that all its translations are taken by: what a [mask](crate::Coverage::Eighths) says.
-    /// 1 for expansions that don't [weigh](Expansion::weighs).
+    /// 1 for expansions that don't [weigh](Costs::weighs).
     pub weight: f64,
     /// Its source cells.
     pub sources: &'a [Cell<T>],

@@ -4,10 +4,10 @@
 use rayon::prelude::*;
 
 use crate::interaction::lists::{ALL, Lists, NONE, rebuilt};
-use crate::kernel::Kernel;
 use crate::kernel::mask::{CellView, Coverage, Mask};
+use crate::kernel::traits::Kernel;
 use crate::numbers::bits::for_each_set_bit;
-use crate::numbers::real::Located;
+use crate::numbers::traits::Located;
 use crate::octree::tree::Tree;
 use crate::parallel;
 

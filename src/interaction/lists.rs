@@ -53,7 +53,12 @@ impl Run {
 impl Lists {
     /// Sums directly what an expansion would not make cheaper: moves the pairs of cells that
     /// `costs` says are too small from their lists to the near runs of the target leaves.
-    pub(crate) fn sum_small_directly(&mut self, targets: &Shape, sources: &Shape, costs: &Costs) {
+    pub(crate) fn sum_small_directly(
+        &mut self,
+        targets: &Shape,
+        sources: &Shape,
+        costs: &ListCosts,
+    ) {
         let pays = |node: &Node, costs: &[usize]| node.count() > costs[node.level()];
         let by_m2p = |_: usize, s: u32| pays(&sources.nodes[s as usize], &costs.m2p);
         let by_p2l = |t: usize, _: u32| !costs.treecode && pays(&targets.nodes[t], &costs.p2l);
@@ -107,7 +112,7 @@ impl Lists {
 
 /// From how many points on an expansion is cheaper than direct summation, level by level.
 #[derive(Debug)]
-pub(crate) struct Costs {
+pub(crate) struct ListCosts {
     /// Pairs summed directly that cost as much as M2P at one target.
     pub(crate) m2p: Vec<usize>,
     /// Pairs summed directly that cost as much as P2L of one source.

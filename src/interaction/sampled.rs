@@ -2,7 +2,7 @@
 
 use crate::interaction::lists::ALL;
 use crate::interaction::traversal::{Candidate, Found, Traversal};
-use crate::numbers::real::Real;
+use crate::numbers::traits::Real;
 use crate::parallel;
 
 /// What the target cells of a level would find, extrapolated from some of them.

@@ -13,7 +13,7 @@ use crate::interaction::grouped::Grouped;
 use crate::interaction::lists::{ALL, Lists, NONE, Run, append};
 use crate::interaction::offsets::OffsetSet;
 use crate::kernel::mask::Coverage;
-use crate::numbers::real::Real;
+use crate::numbers::traits::Real;
 use crate::octree::geometry::Cell;
 use crate::octree::shape::Node;
 use crate::octree::tree::Tree;

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::interpolation::basis::Basis;
-use crate::numbers::real::Scalar;
+use crate::numbers::traits::Scalar;
 
 /// The bases of cells of one size.
 #[derive(Debug)]

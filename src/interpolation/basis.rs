@@ -17,7 +17,7 @@ use crate::interpolation::means::INTERACTION_OFFSETS;
 use crate::interpolation::probe::{Formula, zero};
 use crate::linalg::dense::{Dense, Svd};
 use crate::linalg::matrix::Matrix;
-use crate::numbers::real::{Point, Real, Scalar};
+use crate::numbers::traits::{Point, Real, Scalar};
 use crate::parallel;
 
 /// Functions on a cell, and the points that determine them.

@@ -3,7 +3,7 @@
 use std::fmt;
 
 use crate::interpolation::chebyshev::Chebyshev;
-use crate::kernel::PointKernel;
+use crate::kernel::traits::Kernel;
 use crate::parallel::pool::Pool;
 
 use crate::interpolation::basis::Basis;
@@ -11,7 +11,7 @@ use crate::interpolation::operators::Accuracy;
 use crate::interpolation::prepared::{Everywhere, Prepared};
 use crate::interpolation::scratch::{Scratch, Shifted};
 
-/// The far field of any [`PointKernel`]: interpolation at Chebyshev nodes (Fong and Darve, "The
+/// The far field of any [`Kernel`]: interpolation at Chebyshev nodes (Fong and Darve, "The
 /// black-box fast multipole method", J. Comput. Phys. 228, 2009), reduced to the numerical rank of the
 /// far field.
 ///
@@ -27,7 +27,7 @@ use crate::interpolation::scratch::{Scratch, Shifted};
 ///
 /// With rank r per cell and k per direction, M2L costs O(k²) multiply-adds per pair of cells and O(r k)
 /// per cell and direction, as matrix products; P2M and L2P cost O(n³) per point for n nodes per axis.
-pub struct Interpolation<K: PointKernel> {
+pub struct Interpolation<K: Kernel> {
     pub(super) kernel: K,
     pub(super) accuracy: Accuracy,
     pub(super) prepared: Prepared<K::Entry>,
@@ -35,17 +35,14 @@ pub struct Interpolation<K: PointKernel> {
     pub(super) shifted: Pool<Shifted<K::Entry>>,
 }
 
-impl<K: PointKernel> Interpolation<K> {
+impl<K: Kernel> Interpolation<K> {
     /// Expands `kernel` to a relative l2 error of 1e-6.
     pub fn new(kernel: K) -> Self {
+        let everywhere = Everywhere::with_order(1, kernel.fields(), kernel.densities());
         Self {
             kernel,
             accuracy: Accuracy::Tolerance(1e-6),
-            prepared: Prepared::Everywhere(Box::new(Everywhere::with_order(
-                1,
-                K::FIELDS,
-                K::DENSITIES,
-            ))),
+            prepared: Prepared::Everywhere(Box::new(everywhere)),
             scratch: Pool::default(),
             shifted: Pool::default(),
         }
@@ -117,7 +114,7 @@ impl<K: PointKernel> Interpolation<K> {
     }
 }
 
-impl<K: PointKernel> fmt::Debug for Interpolation<K> {
+impl<K: Kernel> fmt::Debug for Interpolation<K> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Interpolation")
             .field("accuracy", &self.accuracy)

@@ -4,11 +4,11 @@
 use crate::interpolation::black_box::Interpolation;
 use crate::interpolation::prepared::Prepared;
 use crate::interpolation::probe::zero;
-use crate::kernel::{Outcome, PointKernel};
-use crate::numbers::real::{Additive, Columns, Located, Point, Real, Scalar};
+use crate::kernel::traits::{Kernel, Outcome};
+use crate::numbers::traits::{Located, Point, Real, Scalar};
 use crate::octree::geometry::Cell;
 
-impl<K: PointKernel> Interpolation<K> {
+impl<K: Kernel> Interpolation<K> {
     /// Charges at the source's skeleton, values at the target's, taken by `weight`.
     pub(super) fn m2l_by_kernel(
         &self,
@@ -22,18 +22,19 @@ impl<K: PointKernel> Interpolation<K> {
             [self.source_basis(source.level()), self.target_basis(target.level())];
         let (ys, xs) = (&from_basis.skeleton.points, &to_basis.skeleton.points);
         let charges = from_basis.skeleton_charges(self.rule(), from);
-        let mut values = vec![zero::<K::Entry>(); K::Column::WIDTH * K::FIELDS * xs.len()];
-        let mut g = vec![zero::<K::Entry>(); K::FIELDS * K::DENSITIES];
+        let [fields, densities, columns] = self.sizes();
+        let mut values = vec![zero::<K::Entry>(); columns * fields * xs.len()];
+        let mut g = vec![zero::<K::Entry>(); fields * densities];
         let (origin, centre) = self.seen(source, target.centre());
         for (b, &y) in ys.iter().enumerate() {
             let y = origin + y * source.half_width();
             for (a, &x) in xs.iter().enumerate() {
                 self.kernel.entries(centre + x * target.half_width(), y, &mut g);
-                for column in 0..K::Column::WIDTH {
+                for column in 0..columns {
                     for (k, &entry) in g.iter().enumerate() {
-                        let (field, density) = (k / K::DENSITIES, k % K::DENSITIES);
-                        values[(column * K::FIELDS + field) * xs.len() + a] +=
-                            entry * charges[(column * K::DENSITIES + density) * ys.len() + b];
+                        let (field, density) = (k / densities, k % densities);
+                        values[(column * fields + field) * xs.len() + a] +=
+                            entry * charges[(column * densities + density) * ys.len() + b];
                     }
                 }
             }
@@ -56,37 +57,40 @@ impl<K: PointKernel> Interpolation<K> {
         let basis = self.source_basis(cell.level());
         let ys = &basis.skeleton.points;
         let charges = basis.skeleton_charges(self.rule(), multipole);
-        let entries = K::FIELDS * K::DENSITIES;
+        let [fields, densities, columns] = self.sizes();
+        let gradient = self.kernel.needs_gradients();
+        let entries = fields * densities;
         let mut g = vec![zero::<K::Entry>(); entries];
-        let mut dg = vec![[zero::<K::Entry>(); 3]; if K::GRADIENT { entries } else { 0 }];
-        let mut fields = vec![K::Column::zero(); K::FIELDS];
-        let mut gradients = vec![[K::Column::zero(); 3]; if K::GRADIENT { K::FIELDS } else { 0 }];
+        let mut dg = vec![[zero::<K::Entry>(); 3]; if gradient { entries } else { 0 }];
+        let mut received = vec![zero::<K::Entry>(); fields * columns];
+        let mut slopes = vec![[zero::<K::Entry>(); 3]; if gradient { fields * columns } else { 0 }];
         for (x, u) in targets.iter().zip(values) {
             let (centre, position) = self.seen(cell, Located::position(x));
-            fields.fill(K::Column::zero());
-            gradients.fill([K::Column::zero(); 3]);
+            received.fill(zero());
+            slopes.fill([zero(); 3]);
             for (b, &y) in ys.iter().enumerate() {
                 let y = centre + y * cell.half_width();
                 self.kernel.entries(position, y, &mut g);
-                if K::GRADIENT
+                if gradient
                     && self.kernel.entry_gradients(position, y, &mut dg) == Outcome::Declined
                 {
                     return Outcome::Declined;
                 }
                 for k in 0..entries {
-                    let (field, density) = (k / K::DENSITIES, k % K::DENSITIES);
-                    for column in 0..K::Column::WIDTH {
-                        let charge = charges[(column * K::DENSITIES + density) * ys.len() + b];
-                        add(&mut fields[field], column, g[k] * charge);
-                        if K::GRADIENT {
-                            for (gradient, &slope) in gradients[field].iter_mut().zip(&dg[k]) {
-                                add(gradient, column, slope * charge);
+                    let (field, density) = (k / densities, k % densities);
+                    for column in 0..columns {
+                        let charge = charges[(column * densities + density) * ys.len() + b];
+                        received[field * columns + column] += g[k] * charge;
+                        if gradient {
+                            let sums = &mut slopes[field * columns + column];
+                            for (sum, &slope) in sums.iter_mut().zip(&dg[k]) {
+                                *sum += slope * charge;
                             }
                         }
                     }
                 }
             }
-            self.kernel.value(x, &fields, &gradients, u);
+            self.kernel.value(x, &received, &slopes, u);
         }
         Outcome::Done
     }
@@ -101,24 +105,30 @@ impl<K: PointKernel> Interpolation<K> {
     ) {
         let basis = self.target_basis(cell.level());
         let xs = &basis.skeleton.points;
-        let mut values = vec![zero::<K::Entry>(); K::Column::WIDTH * K::FIELDS * xs.len()];
-        let mut g = vec![zero::<K::Entry>(); K::FIELDS * K::DENSITIES];
-        let mut densities = vec![K::Column::zero(); K::DENSITIES];
+        let [fields, densities, columns] = self.sizes();
+        let mut values = vec![zero::<K::Entry>(); columns * fields * xs.len()];
+        let mut g = vec![zero::<K::Entry>(); fields * densities];
+        let mut sent = vec![zero::<K::Entry>(); densities * columns];
         for (y, q) in sources.iter().zip(charges) {
-            self.kernel.density(y, q, &mut densities);
+            self.kernel.density(y, q, &mut sent);
             let (centre, position) = self.seen(cell, Located::position(y));
             for (a, &x) in xs.iter().enumerate() {
                 self.kernel.entries(centre + x * cell.half_width(), position, &mut g);
                 for (k, &entry) in g.iter().enumerate() {
-                    let (field, density) = (k / K::DENSITIES, &densities[k % K::DENSITIES]);
-                    for column in 0..K::Column::WIDTH {
-                        values[(column * K::FIELDS + field) * xs.len() + a] +=
-                            entry * density.column(column);
+                    let (field, density) = (k / densities, k % densities);
+                    for column in 0..columns {
+                        values[(column * fields + field) * xs.len() + a] +=
+                            entry * sent[density * columns + column];
                     }
                 }
             }
         }
         basis.add_skeleton_values(self.rule(), values, local);
+    }
+
+    /// How many fields, densities and columns the kernel has.
+    fn sizes(&self) -> [usize; 3] {
+        [self.kernel.fields(), self.kernel.densities(), self.kernel.columns()]
     }
 
     /// Where the kernel sees the cell's centre and the point `p`. A translation-invariant kernel sees
@@ -129,9 +139,4 @@ impl<K: PointKernel> Interpolation<K> {
             Prepared::Invariant(_) => (Point::<K::Real>::default(), cell.relative(p)),
         }
     }
-}
-
-#[inline(always)]
-fn add<S: Scalar, C: Columns<S>>(to: &mut C, column: usize, number: S) {
-    to.set_column(column, to.column(column) + number);
 }

@@ -8,7 +8,7 @@ use crate::interpolation::far_field::FarField;
 use crate::interpolation::operators::{Accuracy, Operators, Sizes};
 use crate::interpolation::probe::Formula;
 use crate::interpolation::tuning::CAPACITY;
-use crate::numbers::real::{Real, Scalar};
+use crate::numbers::traits::{Real, Scalar};
 
 /// What a kernel is known by: its type, and its values at sample points of every level, so that two
 /// kernels of one type with different parameters are told apart.

@@ -5,9 +5,10 @@
 //! f(x) ≈ Σ_j T̂_j(x) · 1/n Σ_k T̂_j(x_k) f(x_k).
 
 use num_traits::Float;
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
 
-use crate::numbers::real::{Additive, Point, Real, Scalar, Vector};
+use crate::dispatch_level::dispatch;
+use crate::numbers::traits::{Numbers, Point, Real, Scalar, Vector};
 
 /// The nodes x_k = cos((k + ½) π / n) and the polynomials T̂_0 … T̂_{n−1} on them.
 #[derive(Clone, Debug)]
@@ -96,7 +97,7 @@ fn along_axes<S: Scalar>(matrices: [&[S::Real]; 3], transposed: bool, n: usize, 
         let at = |i: usize| if transposed { matrix[i] } else { matrix[i % n * n + i / n] };
         (0..n * n).map(|i| S::from_real(at(i))).collect::<Vec<S>>()
     });
-    Arch::new().dispatch(AlongAxes { columns: columns.each_ref().map(|c| &c[..]), n, arrays });
+    dispatch(AlongAxes { columns: columns.each_ref().map(|c| &c[..]), n, arrays });
 }
 
 /// to[j] = Σ_k h[j, k] from[k] along each axis in turn, with h by its columns.
@@ -112,7 +113,7 @@ impl<S: Scalar> WithSimd for AlongAxes<'_, S> {
     #[inline(always)]
     fn with_simd<V: Simd>(self, _: V) {
         let Self { columns: [first, second, last], n, arrays } = self;
-        let mut from = vec![<S as Additive>::zero(); n * n * n];
+        let mut from = vec![<S as Numbers>::zero(); n * n * n];
         for array in arrays.chunks_exact_mut(n * n * n) {
             for (columns, inner) in [(first, n * n), (second, n)] {
                 from.copy_from_slice(array);
@@ -120,7 +121,7 @@ impl<S: Scalar> WithSimd for AlongAxes<'_, S> {
                     from.chunks_exact(n * inner).zip(array.chunks_exact_mut(n * inner))
                 {
                     for (j, to) in to.chunks_exact_mut(inner).enumerate() {
-                        to.fill(<S as Additive>::zero());
+                        to.fill(<S as Numbers>::zero());
                         for (k, from) in from.chunks_exact(inner).enumerate() {
                             let h = columns[k * n + j];
                             for (to, &from) in to.iter_mut().zip(from) {
@@ -132,7 +133,7 @@ impl<S: Scalar> WithSimd for AlongAxes<'_, S> {
             }
             from.copy_from_slice(array);
             for (from, to) in from.chunks_exact(n).zip(array.chunks_exact_mut(n)) {
-                to.fill(<S as Additive>::zero());
+                to.fill(<S as Numbers>::zero());
                 for (&from, column) in from.iter().zip(last.chunks_exact(n)) {
                     for (to, &h) in to.iter_mut().zip(column) {
                         *to += h * from;

@@ -7,7 +7,7 @@ use crate::interpolation::means::{Means, corner, facing, interaction_offsets, is
 use crate::interpolation::probe::{sample, zero};
 use crate::interpolation::tuning::{CHECK_POINTS, CORNER_LEVELS};
 use crate::linalg::matrix::Matrix;
-use crate::numbers::real::{Additive, Point, Real, Scalar, Vector};
+use crate::numbers::traits::{Numbers, Point, Real, Scalar, Vector};
 use crate::parallel;
 
 impl<S: Scalar> Request<'_, S> {
@@ -107,7 +107,7 @@ impl<S: Scalar> Request<'_, S> {
                 for (k, &exact) in g.iter().enumerate() {
                     let value =
                         values.at(a * fields + k / densities, b * densities + k % densities);
-                    errors += Additive::norm_squared(&(value - exact));
+                    errors += Numbers::norm_squared(&(value - exact));
                 }
             }
         }

@@ -1,4 +1,4 @@
-//! How many points a leaf should hold: where near and far field cost the same.
+//! What the far field of a leaf costs.
 
 use std::sync::OnceLock;
 use std::time::Instant;
@@ -9,16 +9,15 @@ use crate::interpolation::tuning::{
 };
 use crate::linalg::dense::Dense;
 use crate::linalg::matrix::Matrix;
-use crate::numbers::real::Scalar;
+use crate::numbers::traits::Scalar;
 
-/// The leaf size at which the direct sums with 27 neighbours cost as much as the translations with 189
-/// far cells, for ranks like those of 1/r at this accuracy.
-pub(crate) fn leaf_size<S: Scalar>(
+/// Seconds of one core that the translations with 189 far cells and the other operators take for a leaf
+/// and its share of the cells above, for ranks like those of 1/r at this accuracy.
+pub(crate) fn leaf_seconds<S: Scalar>(
     accuracy: Accuracy,
     components: usize,
     columns: usize,
-    pair_seconds: f64,
-) -> usize {
+) -> f64 {
     let (digits, rank) = (digits(accuracy), rank(accuracy, components));
     let order = 4.0 / 3.0 * digits;
     let by_direction = (0.27 * rank).max(4.0);
@@ -31,11 +30,7 @@ pub(crate) fn leaf_size<S: Scalar>(
     let other_flops = 4.0 * complex * rank * (order.powi(3) / 8.0 + rank);
     let other = other_flops / (OTHER_SHARE * flop_rate()) + CELL_SECONDS;
     let right_hand_sides = columns as f64;
-    let far_per_leaf =
-        8.0 / 7.0 * (189.0 * (right_hand_sides * m2l + SORT_SECONDS) + right_hand_sides * other);
-    // A cell of s points is worth splitting into eight when 27 s² t + c > 27 s²/8 t + 8 c.
-    let largest = (8.0 * far_per_leaf / (27.0 * pair_seconds)).sqrt();
-    (largest as usize).clamp(16, 2048)
+    8.0 / 7.0 * (189.0 * (right_hand_sides * m2l + SORT_SECONDS) + right_hand_sides * other)
 }
 
 /// About how many singular vectors of the far field of 1/r this accuracy needs.

@@ -2,13 +2,13 @@
 
 use crate::interpolation::black_box::Interpolation;
 use crate::interpolation::lanes::row;
-use crate::interpolation::points::{self, Fields, Moments};
+use crate::interpolation::points::{Fields, Moments};
 use crate::interpolation::scratch::Scratch;
-use crate::kernel::PointKernel;
-use crate::numbers::real::{Additive, Columns, Real, Scalar};
+use crate::kernel::traits::Kernel;
+use crate::numbers::traits::{Numbers, Real, Scalar};
 use crate::octree::geometry::Cell;
 
-impl<K: PointKernel> Interpolation<K> {
+impl<K: Kernel> Interpolation<K> {
     /// P2M.
     pub(super) fn add_moments(
         &self,
@@ -19,19 +19,25 @@ impl<K: PointKernel> Interpolation<K> {
     ) {
         let n = self.rule().len();
         let basis = self.source_basis(cell.level());
+        let (components, columns) = (self.kernel.densities(), self.kernel.columns());
         self.scratch.with(
-            || Scratch::new(n),
+            || Scratch::new(n, &self.kernel),
             |scratch| {
                 scratch.set_points(cell, sources);
-                let Scratch { powers, points, numbers, arrays, columns, sums, .. } = scratch;
-                let count = K::Column::WIDTH * Self::PARTS * K::DENSITIES;
+                let Scratch { powers, points, numbers, arrays, entries, sums, .. } = scratch;
+                let count = columns * K::Entry::PARTS * components;
                 reset(numbers, count * sources.len());
+                let densities = &mut entries[..components * columns];
                 for (j, (y, q)) in sources.iter().zip(charges).enumerate() {
-                    self.kernel.density(y, q, &mut columns[..K::DENSITIES]);
-                    for array in 0..count {
-                        let [column, part, component] = indices::<K>(array, K::DENSITIES);
-                        let number = columns[component].column(column).parts()[part];
-                        numbers[array * sources.len() + j] = number;
+                    self.kernel.density(y, q, densities);
+                    for component in 0..components {
+                        for column in 0..columns {
+                            let parts = densities[component * columns + column].parts();
+                            for (part, &number) in parts[..K::Entry::PARTS].iter().enumerate() {
+                                let array = (column * K::Entry::PARTS + part) * components;
+                                numbers[(array + component) * sources.len() + j] = number;
+                            }
+                        }
                     }
                 }
                 reset(arrays, count * n * row(n));
@@ -50,61 +56,49 @@ impl<K: PointKernel> Interpolation<K> {
     ) {
         let n = self.rule().len();
         let basis = self.target_basis(cell.level());
+        let (components, columns) = (self.kernel.fields(), self.kernel.columns());
+        let gradient = self.kernel.needs_gradients();
         self.scratch.with(
-            || Scratch::new(n),
+            || Scratch::new(n, &self.kernel),
             |scratch| {
                 scratch.set_points(cell, targets);
-                let Scratch { powers, points, numbers, arrays, columns, gradients, .. } = scratch;
-                let count = K::Column::WIDTH * Self::PARTS * K::FIELDS;
-                let derivatives = if K::GRADIENT { 4 } else { 1 };
+                let Scratch { powers, points, numbers, arrays, entries, gradients, .. } = scratch;
+                let count = columns * K::Entry::PARTS * components;
+                let derivatives = if gradient { 4 } else { 1 };
                 reset(arrays, count * n * row(n));
                 reset(numbers, count * derivatives * targets.len());
-                let gradient = K::GRADIENT;
                 Fields { basis, powers, points, numbers, arrays, local, gradient }.add();
                 let per_length = K::Real::from_f64(1.0) / cell.half_width();
+                let fields = &mut entries[..components * columns];
                 for (i, (x, u)) in targets.iter().zip(values).enumerate() {
                     let number = |array: usize, derivative: usize| {
                         numbers[(array * derivatives + derivative) * targets.len() + i]
                     };
-                    for component in 0..K::FIELDS {
-                        for column in 0..K::Column::WIDTH {
+                    for component in 0..components {
+                        for column in 0..columns {
+                            let re = column * K::Entry::PARTS * components + component;
+                            let im = re + (K::Entry::PARTS - 1) * components;
                             let at = |derivative| {
-                                let array = column * Self::PARTS * K::FIELDS + component;
-                                let im = array + (Self::PARTS - 1) * K::FIELDS;
-                                K::Entry::from_parts(
-                                    number(array, derivative),
-                                    number(im, derivative),
-                                )
+                                K::Entry::from_parts(number(re, derivative), number(im, derivative))
                             };
-                            columns[component].set_column(column, at(0));
-                            if K::GRADIENT {
-                                for (axis, gradient) in gradients[component].iter_mut().enumerate()
-                                {
-                                    let slope = at(1 + axis) * K::Entry::from_real(per_length);
-                                    gradient.set_column(column, slope);
+                            fields[component * columns + column] = at(0);
+                            if gradient {
+                                let slope = &mut gradients[component * columns + column];
+                                for (axis, part) in slope.iter_mut().enumerate() {
+                                    *part = at(1 + axis) * K::Entry::from_real(per_length);
                                 }
                             }
                         }
                     }
-                    self.kernel.value(x, &columns[..K::FIELDS], gradients, u);
+                    self.kernel.value(x, fields, gradients, u);
                 }
             },
         );
     }
-
-    /// How many real arrays one right-hand side of one component takes.
-    const PARTS: usize = points::parts::<K::Entry>();
 }
 
 /// Zeros, `len` of them.
-fn reset<V: Additive>(numbers: &mut Vec<V>, len: usize) {
+fn reset<V: Numbers>(numbers: &mut Vec<V>, len: usize) {
     numbers.clear();
     numbers.resize(len, V::zero());
-}
-
-/// Column, part and component of an array.
-#[inline(always)]
-fn indices<K: PointKernel>(array: usize, components: usize) -> [usize; 3] {
-    let parts = Interpolation::<K>::PARTS;
-    [array / components / parts, array / components % parts, array % components]
 }

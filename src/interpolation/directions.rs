@@ -22,7 +22,7 @@ use crate::interpolation::probe::{Formula, norm_squared, power_of_two, zero};
 use crate::interpolation::ranges::{Factors, Side};
 use crate::linalg::batched::Batched;
 use crate::linalg::matrix::Matrix;
-use crate::numbers::real::{Real, Scalar};
+use crate::numbers::traits::{Real, Scalar};
 use crate::parallel;
 
 /// The matrices of the directions that are reflections of one.

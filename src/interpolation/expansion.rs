@@ -3,6 +3,7 @@
 use std::any::type_name;
 
 use crate::error::Error;
+use crate::expansion::costs::Costs;
 use crate::expansion::{Expansion, Geometry, LevelFamilies, LevelPairs};
 use crate::interpolation::black_box::Interpolation;
 use crate::interpolation::budget::PAIR_SHARE;
@@ -11,12 +12,12 @@ use crate::interpolation::operators::Accuracy;
 use crate::interpolation::prepared::Prepared;
 use crate::interpolation::probe::Formula;
 use crate::interpolation::tuning::ENTRY_PAIRS;
-use crate::kernel::{Outcome, PointKernel};
-use crate::numbers::real::{Columns, Point, Real};
+use crate::kernel::traits::{Kernel, Outcome};
+use crate::numbers::traits::{Point, Real};
 use crate::octree::geometry::Cell;
 use crate::parallel::pool::Pool;
 
-impl<K: PointKernel> Expansion for Interpolation<K> {
+impl<K: Kernel> Expansion for Interpolation<K> {
     type Kernel = K;
     type MultipoleTerm = K::Entry;
     type LocalTerm = K::Entry;
@@ -26,11 +27,11 @@ impl<K: PointKernel> Expansion for Interpolation<K> {
     }
 
     fn multipole_len(&self, level: usize) -> usize {
-        self.source_basis(level).rank() * K::Column::WIDTH
+        self.source_basis(level).rank() * self.kernel.columns()
     }
 
     fn local_len(&self, level: usize) -> usize {
-        self.target_basis(level).rank() * K::Column::WIDTH
+        self.target_basis(level).rank() * self.kernel.columns()
     }
 
     fn prepare(&mut self, geometry: &Geometry<K::Real>) -> Result<(), Error> {
@@ -38,35 +39,26 @@ impl<K: PointKernel> Expansion for Interpolation<K> {
         let kernel = &self.kernel;
         let entries =
             |x: Point<K::Real>, y: Point<K::Real>, g: &mut [K::Entry]| kernel.entries(x, y, g);
-        let formula = Formula::new(K::FIELDS, K::DENSITIES, &entries);
+        let formula = Formula::new(kernel.fields(), kernel.densities(), &entries);
         self.prepared = Prepared::new(type_name::<K>(), &formula, self.accuracy, geometry)?;
         self.scratch = Pool::default();
         Ok(())
     }
 
-    fn leaf_size(&self, pair_seconds: f64) -> usize {
-        let components = K::FIELDS.max(K::DENSITIES);
-        cost::leaf_size::<K::Entry>(self.accuracy, components, K::Column::WIDTH, pair_seconds)
-    }
-
-    fn expected_terms(&self) -> usize {
-        let components = K::FIELDS.max(K::DENSITIES);
-        cost::rank(self.accuracy, components) as usize * K::Column::WIDTH
-    }
-
-    fn pair_tolerance(&self) -> f64 {
-        match self.accuracy {
-            Accuracy::Tolerance(tolerance) => PAIR_SHARE * tolerance,
-            Accuracy::Order(_) => 0.0,
+    fn costs(&self, level: usize) -> Costs {
+        let kernel = &self.kernel;
+        let (components, columns) = (kernel.fields().max(kernel.densities()), kernel.columns());
+        Costs {
+            pair_tolerance: match self.accuracy {
+                Accuracy::Tolerance(tolerance) => PAIR_SHARE * tolerance,
+                Accuracy::Order(_) => 0.0,
+            },
+            leaf_seconds: Some(cost::leaf_seconds::<K::Entry>(self.accuracy, components, columns)),
+            terms: cost::rank(self.accuracy, components) as usize * columns,
+            m2p_pairs: ENTRY_PAIRS * self.source_basis(level).skeleton.points.len(),
+            p2l_pairs: ENTRY_PAIRS * self.target_basis(level).skeleton.points.len(),
+            weighs: true,
         }
-    }
-
-    fn m2p_pairs(&self, level: usize) -> usize {
-        ENTRY_PAIRS * self.source_basis(level).skeleton.points.len()
-    }
-
-    fn p2l_pairs(&self, level: usize) -> usize {
-        ENTRY_PAIRS * self.target_basis(level).skeleton.points.len()
     }
 
     fn p2m(
@@ -123,10 +115,6 @@ impl<K: PointKernel> Expansion for Interpolation<K> {
         self.m2l_by_kernel(1.0, source, target, from, to);
     }
 
-    fn weighs(&self) -> bool {
-        true
-    }
-
     fn m2l_level(
         &self,
         level: &LevelPairs<'_, K::Real>,
@@ -144,7 +132,7 @@ impl<K: PointKernel> Expansion for Interpolation<K> {
             Prepared::Everywhere(_) => level.for_each_pair(locals, by_kernel),
             Prepared::Invariant(invariant) => {
                 let (transfers, scale) = invariant.transfers(level.level, half_width);
-                let columns = K::Column::WIDTH;
+                let columns = self.kernel.columns();
                 let scale = scale * K::Real::from_f64(level.weight);
                 transfers.add_level(level, scale, columns, multipoles, locals, &by_kernel);
             }

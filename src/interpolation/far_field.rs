@@ -12,7 +12,7 @@ use crate::interpolation::tuning::{
     PER_NEAR_OFFSET, PER_OFFSET, PER_SHELL, SHELL_WEIGHT, TEST_SOURCES, TEST_TARGETS,
 };
 use crate::linalg::matrix::Matrix;
-use crate::numbers::real::{Point, Real, Scalar, Vector};
+use crate::numbers::traits::{Point, Real, Scalar, Vector};
 use crate::parallel;
 
 /// The far field of the cell [−h, h]³: the sources that act on it, as seen in half-widths.

@@ -4,7 +4,7 @@ use pulp::Simd;
 
 use crate::interpolation::probe::zero;
 use crate::linalg::matrix::Matrix;
-use crate::numbers::real::Scalar;
+use crate::numbers::traits::Scalar;
 
 /// Numbers that are summed side by side, in registers.
 pub(crate) const LANES: usize = 8;
@@ -102,7 +102,8 @@ impl<S: Scalar> Padded<S> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use pulp::{Arch, WithSimd};
+    use crate::dispatch_level::DispatchLevel;
+    use pulp::WithSimd;
 
     struct Product<'a>(&'a Padded<f64>, &'a [f64]);
 
@@ -125,8 +126,10 @@ mod tests {
             let x: Vec<f64> = (0..columns).map(|j| (j as f64).cos()).collect();
             let mut y = vec![0.0; rows];
             crate::linalg::dense::Dense::product(&a, &x, false, &mut y);
-            let got = Arch::new().dispatch(Product(&Padded::new(&a), &x));
-            assert!(crate::relative_l2_error(&got, &y) < 1e-15, "{rows} × {columns}");
+            for level in DispatchLevel::available() {
+                let got = level.run(Product(&Padded::new(&a), &x));
+                assert!(crate::relative_l2_error(&got, &y) < 1e-15, "{level}: {rows} × {columns}");
+            }
         }
     }
 }

@@ -12,7 +12,7 @@ use crate::interpolation::means::{Means, interaction_offsets};
 use crate::interpolation::probe::{self, Formula, Parities};
 use crate::interpolation::transfer::Transfers;
 use crate::interpolation::tuning::ATTEMPTS;
-use crate::numbers::real::Scalar;
+use crate::numbers::traits::Scalar;
 
 /// Operators between cells of one size.
 #[derive(Debug)]

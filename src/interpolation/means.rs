@@ -1,6 +1,6 @@
 //! Means over the interaction list, which errors and what they are relative to have in common.
 
-use crate::numbers::real::{Point, Real, Vector};
+use crate::numbers::traits::{Point, Real, Vector};
 
 /// The number of [`interaction_offsets`].
 pub(crate) const INTERACTION_OFFSETS: usize = 7 * 7 * 7 - 3 * 3 * 3;

@@ -15,7 +15,7 @@ use crate::interpolation::means::Means;
 use crate::interpolation::probe::{self, Formula};
 use crate::interpolation::tuning::{MAX_ORDER, MORE_ORDERS, WHOLE_DENSITY};
 use crate::linalg::matrix::Matrix;
-use crate::numbers::real::{Real, Scalar};
+use crate::numbers::traits::{Real, Scalar};
 use crate::parallel;
 
 /// What decides how much is kept.

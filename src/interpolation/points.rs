@@ -6,13 +6,14 @@
 //! The array of one column of right-hand sides holds the coefficient of T̂_i(x) T̂_j(y) T̂_k(z) at
 //! i · [`row`]`(n)` + j · n + k.
 
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
 
+use crate::dispatch_level::dispatch;
 use crate::interpolation::basis::Basis;
 use crate::interpolation::chebyshev::{derivatives_in_lanes, polynomials_in_lanes};
 use crate::interpolation::lanes::{LANES, fuse, multiply_add, row};
 use crate::interpolation::tuning::{MAX_ORDER, POINTS_TOGETHER, ROWS_TOGETHER};
-use crate::numbers::real::{Real, Scalar};
+use crate::numbers::traits::{Real, Scalar};
 
 /// P2M of a cell.
 pub(crate) struct Moments<'a, S: Scalar> {
@@ -33,7 +34,7 @@ impl<S: Scalar> Moments<'_, S> {
     // Not inlined: compiled once, not for every kernel.
     #[inline(never)]
     pub(crate) fn add(self) {
-        Arch::new().dispatch(self);
+        dispatch(self);
     }
 }
 
@@ -49,7 +50,7 @@ impl<S: Scalar> WithSimd for Moments<'_, S> {
         powers.add_moments::<V>(points, numbers, arrays);
         let len = arrays.len() / (multipole.len() / basis.rank());
         for (m, arrays) in multipole.chunks_exact_mut(basis.rank()).zip(arrays.chunks_exact(len)) {
-            let (re, im) = arrays.split_at(len / parts::<S>());
+            let (re, im) = arrays.split_at(len / S::PARTS);
             basis.add_moments::<V>(powers.n, [re, if im.is_empty() { re } else { im }], sums, m);
         }
     }
@@ -74,7 +75,7 @@ impl<S: Scalar> Fields<'_, S> {
     // Not inlined: compiled once, not for every kernel.
     #[inline(never)]
     pub(crate) fn add(self) {
-        Arch::new().dispatch(self);
+        dispatch(self);
     }
 }
 
@@ -89,16 +90,11 @@ impl<S: Scalar> WithSimd for Fields<'_, S> {
         }
         let len = arrays.len() / (local.len() / basis.rank());
         for (l, arrays) in local.chunks_exact(basis.rank()).zip(arrays.chunks_exact_mut(len)) {
-            let (re, im) = arrays.split_at_mut(len / parts::<S>());
+            let (re, im) = arrays.split_at_mut(len / S::PARTS);
             basis.add_coefficients::<V>(powers.n, l, [re, im]);
         }
         powers.add_fields::<V>(points, arrays, gradient, numbers);
     }
-}
-
-/// How many real numbers one number of type `S` is.
-pub(crate) const fn parts<S: Scalar>() -> usize {
-    if S::COMPLEX { 2 } else { 1 }
 }
 
 /// The polynomials at some points.
@@ -346,8 +342,8 @@ fn multiply<T: Real>(y: T, z: &[T], to: &mut [T]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dispatch_level::DispatchLevel;
     use crate::interpolation::chebyshev::polynomials;
-    use pulp::Scalar as Plain;
 
     /// Moments of unit densities, then fields and derivatives of `coefficients`.
     struct Both<'a>(usize, &'a [[f64; 3]], &'a [f64]);
@@ -403,10 +399,11 @@ mod tests {
                 }
             }
             let both = || Both(n, &points, &coefficients);
-            for got in [Arch::new().dispatch(both()), Simd::vectorize(Plain, both())] {
+            for level in DispatchLevel::available() {
+                let got = level.run(both());
                 for (got, exact) in got.iter().zip([&moments, &fields]) {
                     let error = crate::relative_l2_error(got, exact);
-                    assert!(error < 1e-13, "order {n}, {count} points: {error:e}");
+                    assert!(error < 1e-13, "{level}, order {n}, {count} points: {error:e}");
                 }
             }
         }

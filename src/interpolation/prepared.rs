@@ -15,7 +15,7 @@ use crate::interpolation::probe::{self, Formula};
 use crate::interpolation::transfer::Transfers;
 use crate::interpolation::tuning::{EXTENDED_BYTES, SAMPLED_EXTENT};
 use crate::linalg::matrix::Matrix;
-use crate::numbers::real::{Real, Scalar};
+use crate::numbers::traits::{Real, Scalar};
 
 /// Operators, as far as they can be prepared.
 pub(crate) enum Prepared<S: Scalar> {

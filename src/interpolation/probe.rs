@@ -3,7 +3,7 @@
 use num_traits::Float;
 
 use crate::interpolation::tuning::PROBE_PAIRS;
-use crate::numbers::real::{Additive, Point, Real, Scalar, Vector, l2_norm};
+use crate::numbers::traits::{Numbers, Point, Real, Scalar, Vector, l2_norm};
 use crate::octree::geometry::Cube;
 
 /// The matrix G(x, y) of a point kernel, with its kernel's type forgotten: what set-up works on.
@@ -20,7 +20,7 @@ pub(crate) struct Formula<'a, S: Scalar> {
 type Entries<'a, S> = dyn Fn(PointOf<S>, PointOf<S>, &mut [S]) + Sync + 'a;
 
 /// A point in the precision of `S`.
-pub(crate) type PointOf<S> = Point<<S as Scalar>::Real>;
+pub(crate) type PointOf<S> = Point<<S as Numbers>::Real>;
 
 impl<'a, S: Scalar> Formula<'a, S> {
     pub(crate) fn new(fields: usize, densities: usize, entries: &'a Entries<'a, S>) -> Self {
@@ -280,11 +280,11 @@ fn norm<S: Scalar>(g: &[S]) -> f64 {
 }
 
 pub(crate) fn zero<S: Scalar>() -> S {
-    <S as Additive>::zero()
+    <S as Numbers>::zero()
 }
 
 pub(crate) fn norm_squared<S: Scalar>(g: &[S]) -> f64 {
-    g.iter().map(Additive::norm_squared).sum()
+    g.iter().map(Numbers::norm_squared).sum()
 }
 
 #[cfg(test)]

@@ -14,7 +14,7 @@ use crate::interpolation::tuning::{MORE_VECTORS, RANGE_REACH};
 use crate::linalg::dense::Svd;
 use crate::linalg::matrix::Matrix;
 use crate::numbers::random::Random;
-use crate::numbers::real::{Point, Real, Scalar, Vector};
+use crate::numbers::traits::{Point, Real, Scalar, Vector};
 use crate::parallel;
 
 /// C_o = S X_t G X_sᵀ S for the offsets o of one group: signs S of the reflection that takes the components

@@ -1,12 +1,12 @@
 //! What the operators write to in passing, kept from call to call.
 
 use crate::interpolation::points::Powers;
-use crate::kernel::PointKernel;
-use crate::numbers::real::{Additive, Located, Vector};
+use crate::kernel::traits::Kernel;
+use crate::numbers::traits::{Located, Numbers, Vector};
 use crate::octree::geometry::Cell;
 
 /// What P2M and L2P write to in passing.
-pub(super) struct Scratch<K: PointKernel> {
+pub(super) struct Scratch<K: Kernel> {
     pub(super) powers: Powers<K::Real>,
     /// Positions in half-widths.
     pub(super) points: Vec<[K::Real; 3]>,
@@ -14,21 +14,24 @@ pub(super) struct Scratch<K: PointKernel> {
     pub(super) numbers: Vec<K::Real>,
     /// Coefficients in padded arrays, likewise.
     pub(super) arrays: Vec<K::Real>,
-    /// Densities or fields of one point.
-    pub(super) columns: Vec<K::Column>,
-    pub(super) gradients: Vec<[K::Column; 3]>,
+    /// Densities or fields of one point, in every column.
+    pub(super) entries: Vec<K::Entry>,
+    /// The fields' gradients there, if the kernel needs them.
+    pub(super) gradients: Vec<[K::Entry; 3]>,
     pub(super) sums: Vec<K::Entry>,
 }
 
-impl<K: PointKernel> Scratch<K> {
-    pub(super) fn new(n: usize) -> Self {
+impl<K: Kernel> Scratch<K> {
+    pub(super) fn new(n: usize, kernel: &K) -> Self {
+        let (fields, columns) = (kernel.fields(), kernel.columns());
+        let zero = <K::Entry as Numbers>::zero();
         Self {
             powers: Powers::new(n),
             points: Vec::new(),
             numbers: Vec::new(),
             arrays: Vec::new(),
-            columns: vec![K::Column::zero(); K::FIELDS.max(K::DENSITIES)],
-            gradients: vec![[K::Column::zero(); 3]; if K::GRADIENT { K::FIELDS } else { 0 }],
+            entries: vec![zero; fields.max(kernel.densities()) * columns],
+            gradients: vec![[zero; 3]; if kernel.needs_gradients() { fields * columns } else { 0 }],
             sums: Vec::new(),
         }
     }

@@ -6,12 +6,12 @@ use crate::interpolation::prepared::{Invariant, Prepared};
 use crate::interpolation::probe::zero;
 use crate::interpolation::scratch::{Move, Shifted};
 use crate::interpolation::tuning::SHIFTED_TOGETHER;
-use crate::kernel::PointKernel;
-use crate::numbers::real::Scalar;
+use crate::kernel::traits::Kernel;
+use crate::numbers::traits::Scalar;
 use crate::octree::geometry::Cell;
 use crate::parallel;
 
-impl<K: PointKernel> Interpolation<K> {
+impl<K: Kernel> Interpolation<K> {
     /// M2M, or L2L if `down`, between `child` and its parent.
     pub(super) fn shift(
         &self,

@@ -12,7 +12,7 @@ use crate::interpolation::exchange::{Coordinates, Exchange, Pair};
 use crate::interpolation::means::{INTERACTION_OFFSETS, interaction_offsets, weight};
 use crate::interpolation::probe::{Formula, power_of_two, zero};
 use crate::interpolation::tuning::{EXCHANGE_BLOCK, SWEEP_CHUNK, TASK_BYTES};
-use crate::numbers::real::{Real, Scalar};
+use crate::numbers::traits::{Real, Scalar};
 use crate::parallel;
 use crate::parallel::pool::Pool;
 
@@ -372,7 +372,7 @@ mod tests {
             for &offset in &offsets {
                 let mut alone = vec![0.0; m.len()];
                 assert!(transfers.add(offset, 2.0, &m, &mut alone));
-                let cell = |at: [i32; 3]| Cell::new(&root, 4, at.map(|x| x as u32));
+                let cell = |at: [i32; 3]| Cell::new(&root, 4, at.map(|x| x as u64));
                 let pairs = LevelPairs {
                     weight: 1.0,
                     level: 4,

@@ -1,8 +1,8 @@
 //! Masks: which pairs count.
 
-use crate::kernel::Kernel;
-use crate::numbers::real::Additive;
-use crate::numbers::real::Located;
+use crate::error::Error;
+use crate::kernel::traits::Kernel;
+use crate::numbers::traits::{Located, Numbers};
 use crate::octree::geometry::Cell;
 use crate::parallel;
 
@@ -95,26 +95,27 @@ impl<K: Kernel> Mask<K> for Unmasked {
 /// Direct summation with a mask: u_i = Σ_j K(x_i, y_j) V(x_i, y_j) q_j, asking for every pair.
 /// O(N·M): the reference for masked plans.
 ///
-/// # Panics
-/// If `sources` and `charges` differ in length.
+/// # Errors
+/// [`Error::LengthMismatch`] if there is not one charge per source.
 pub fn direct_masked<K: Kernel>(
     kernel: &K,
     mask: &impl Mask<K>,
     sources: &[K::Source],
     charges: &[K::Charge],
     targets: &[K::Target],
-) -> Vec<K::Value> {
-    assert_eq!(sources.len(), charges.len(), "one charge per source");
-    let sum = |x: &K::Target| {
-        let mut u = K::Value::zero();
-        for (y, q) in sources.iter().zip(charges) {
-            if mask.pair(x, y) {
-                kernel.add(x, y, q, &mut u);
+) -> Result<Vec<K::Value>, Error> {
+    Error::check_charges(sources.len(), charges.len())?;
+    let sum = |i: usize| {
+        let mut u = [K::Value::zero()];
+        for (j, y) in sources.iter().enumerate() {
+            if mask.pair(&targets[i], y) {
+                kernel.add_block(&targets[i..=i], &sources[j..=j], &charges[j..=j], 0.0, &mut u);
             }
         }
+        let [u] = u;
         u
     };
-    parallel::map(targets.len(), &|i| sum(&targets[i]))
+    Ok(parallel::map(targets.len(), &sum))
 }
 
 impl<K: Kernel, M: Mask<K>> Mask<K> for &M {

@@ -2,10 +2,12 @@
 
 use pulp::{Simd, WithSimd};
 
+use crate::dispatch_level::dispatch_up_to_avx2;
+
 /// `us[i]` += Σ_j K(x_i, y_j) q_j, each pair by `add`, with the same bits as the plain double loop.
 ///
 /// A build for any x86-64 processor may use SSE2 only. Here the loop, with whatever `add` inlines
-/// into it, is compiled a second time for AVX2 and FMA, and the machine chooses.
+/// into it, is compiled a second time for AVX2 and FMA, and chosen at run time.
 pub(crate) struct PairLoop<'a, F, X, Y, Q, U> {
     /// Adds one pair's contribution: `add(x, y, q, u)`.
     pub(crate) add: F,
@@ -18,26 +20,19 @@ pub(crate) struct PairLoop<'a, F, X, Y, Q, U> {
 impl<F, X, Y, Q, U> PairLoop<'_, F, X, Y, Q, U>
 where
     F: Fn(&X, &Y, &Q, &mut U),
-    U: Copy,
+    U: Clone,
 {
     pub(crate) fn run(self) {
         // AVX-512 brings a formula nothing: the divider is no faster per number, and a call of a
         // scalar function such as `exp` from a loop in 512-bit registers costs a third of the speed.
-        #[cfg(target_arch = "x86_64")]
-        if let Some(avx2) = pulp::x86::V3::try_new() {
-            return Simd::vectorize(avx2, self);
-        }
-        #[cfg(target_arch = "x86_64")]
-        Simd::vectorize(pulp::Scalar, self);
-        #[cfg(not(target_arch = "x86_64"))]
-        pulp::Arch::new().dispatch(self);
+        dispatch_up_to_avx2(self);
     }
 }
 
 impl<F, X, Y, Q, U> WithSimd for PairLoop<'_, F, X, Y, Q, U>
 where
     F: Fn(&X, &Y, &Q, &mut U),
-    U: Copy,
+    U: Clone,
 {
     type Output = ();
 
@@ -46,10 +41,10 @@ where
         let Self { add, xs, ys, qs, us } = self;
         let ragged = xs.len() % LANES;
         if ragged > 0 {
-            if let (Some(x), Some(u)) = (xs.first_chunk(), us.first_chunk_mut()) {
+            if let (Some(x), Some(u)) = (xs.first_chunk(), us.first_chunk_mut::<LANES>()) {
                 // The lanes beyond the ragged ones belong to targets that come again below.
-                let sums = side_by_side(&add, x, ys, qs, *u);
-                u[..ragged].copy_from_slice(&sums[..ragged]);
+                let sums = side_by_side(&add, x, ys, qs, u.clone());
+                u[..ragged].clone_from_slice(&sums[..ragged]);
             } else {
                 for (x, u) in xs.iter().zip(&mut *us) {
                     for (y, q) in ys.iter().zip(qs) {
@@ -60,7 +55,7 @@ where
         }
         let (xs, us) = (xs[ragged..].as_chunks().0, us[ragged..].as_chunks_mut().0);
         for (x, u) in xs.iter().zip(us) {
-            *u = side_by_side(&add, x, ys, qs, *u);
+            *u = side_by_side(&add, x, ys, qs, u.clone());
         }
     }
 }
@@ -69,7 +64,7 @@ where
 const LANES: usize = 8;
 
 #[inline(always)]
-fn side_by_side<X, Y, Q, U: Copy>(
+fn side_by_side<X, Y, Q, U: Clone>(
     add: &impl Fn(&X, &Y, &Q, &mut U),
     xs: &[X; LANES],
     ys: &[Y],
@@ -87,35 +82,32 @@ fn side_by_side<X, Y, Q, U: Copy>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kernel::{Kernel, from_fn};
-    use crate::numbers::real::Additive;
+    use crate::dispatch_level::DispatchLevel;
+    use crate::numbers::traits::Numbers;
     use glam::DVec3;
     use num_complex::Complex;
 
-    fn check<K: Kernel>(
-        kernel: &K,
-        (xs, ys): (&[K::Target], &[K::Source]),
-        charge: impl Fn(f64) -> K::Charge,
-    ) where
-        K::Value: PartialEq,
-    {
-        let qs: Vec<_> = (0..ys.len()).map(|j| charge((j as f64).cos())).collect();
+    fn check<U: Numbers<Real = f64> + PartialEq>(
+        add: impl Fn(&DVec3, &DVec3, &U, &mut U) + Copy,
+        (xs, ys): (&[DVec3], &[DVec3]),
+        charge: impl Fn(f64) -> U,
+    ) {
+        let qs: Vec<U> = (0..ys.len()).map(|j| charge((j as f64).cos())).collect();
         for n in 0..=xs.len() {
             for m in [0, 1, 2, ys.len()] {
                 let (xs, ys, qs) = (&xs[..n], &ys[..m], &qs[..m]);
-                let mut plain = vec![K::Value::zero(); n];
+                let mut plain = vec![U::zero(); n];
                 for (x, u) in xs.iter().zip(&mut plain) {
                     for _ in 0..2 {
-                        ys.iter().zip(qs).for_each(|(y, q)| kernel.add(x, y, q, u));
+                        ys.iter().zip(qs).for_each(|(y, q)| add(x, y, q, u));
                     }
                 }
-                let mut best = vec![K::Value::zero(); n];
+                let mut best = vec![U::zero(); n];
                 let mut portable = best.clone();
                 for _ in 0..2 {
-                    let add = |x: &_, y: &_, q: &_, u: &mut _| kernel.add(x, y, q, u);
                     PairLoop { add, xs, ys, qs, us: &mut best }.run();
                     let us = &mut portable;
-                    Simd::vectorize(pulp::Scalar, PairLoop { add, xs, ys, qs, us });
+                    DispatchLevel::Portable.run(PairLoop { add, xs, ys, qs, us });
                 }
                 assert!(best == plain && portable == plain, "{n} targets, {m} sources");
             }
@@ -131,14 +123,14 @@ mod tests {
         let (xs, mut ys) = (points(0.0), points(0.25));
         ys[3] = xs[9];
         let sets = (&xs[..], &ys[..]);
-        let inverse = from_fn(|x: DVec3, y: DVec3| 1.0 / x.distance(y)).skip_coincident();
-        check(&inverse, sets, |t| t);
-        check(&inverse.columns::<[f64; 3]>(), sets, |t| [t, 1.0, -t]);
-        check(&from_fn(|x: DVec3, y: DVec3| (-x.distance(y)).exp()), sets, |t| t);
-        let wave = from_fn(|x: DVec3, y: DVec3| {
-            let r = x.distance(y);
-            Complex::from_polar(1.0 / r, 3.0 * r)
-        });
-        check(&wave.skip_coincident(), sets, |t| Complex::new(t, 1.0));
+        let inverse = |x: &DVec3, y: &DVec3| if x == y { 0.0 } else { 1.0 / x.distance(*y) };
+        check(|x, y, q: &f64, u| *u += inverse(x, y) * q, sets, |t| t);
+        check(|x, y, q: &[f64; 3], u| u.add_scaled(inverse(x, y), q), sets, |t| [t, 1.0, -t]);
+        check(|x, y, q: &f64, u| *u += (-x.distance(*y)).exp() * q, sets, |t| t);
+        let wave = |x: &DVec3, y: &DVec3, q: &Complex<f64>, u: &mut Complex<f64>| {
+            let r = x.distance(*y);
+            *u += Complex::from_polar(if x == y { 0.0 } else { 1.0 / r }, 3.0 * r) * q;
+        };
+        check(wave, sets, |t| Complex::new(t, 1.0));
     }
 }

@@ -172,7 +172,7 @@ pub(crate) trait Registers: Copy {
 macro_rules! registers {
     (
         $t:ty, $zero:expr, $register:ident, $as_simd:ident, $as_mut_simd:ident, $splat:ident,
-        $add:ident, $mul_add:ident
+        $add:ident, $mul:ident, $mul_add:ident
     ) => {
         impl Registers for $t {
             const ZERO: Self = $zero;
@@ -201,14 +201,39 @@ macro_rules! registers {
                 b: V::$register,
                 c: V::$register,
             ) -> V::$register {
-                simd.$mul_add(a, b, c)
+                if V::IS_SCALAR {
+                    // Complex numbers would be multiplied by calls of a function that rounds once.
+                    simd.$add(simd.$mul(a, b), c)
+                } else {
+                    simd.$mul_add(a, b, c)
+                }
             }
         }
     };
 }
 
-registers!(f32, 0.0, f32s, as_simd_f32s, as_mut_simd_f32s, splat_f32s, add_f32s, mul_add_e_f32s);
-registers!(f64, 0.0, f64s, as_simd_f64s, as_mut_simd_f64s, splat_f64s, add_f64s, mul_add_e_f64s);
+registers!(
+    f32,
+    0.0,
+    f32s,
+    as_simd_f32s,
+    as_mut_simd_f32s,
+    splat_f32s,
+    add_f32s,
+    mul_f32s,
+    mul_add_e_f32s
+);
+registers!(
+    f64,
+    0.0,
+    f64s,
+    as_simd_f64s,
+    as_mut_simd_f64s,
+    splat_f64s,
+    add_f64s,
+    mul_f64s,
+    mul_add_e_f64s
+);
 registers!(
     Complex<f32>,
     Complex::new(0.0, 0.0),
@@ -217,6 +242,7 @@ registers!(
     as_mut_simd_c32s,
     splat_c32s,
     add_c32s,
+    mul_e_c32s,
     mul_add_c32s
 );
 registers!(
@@ -227,13 +253,14 @@ registers!(
     as_mut_simd_c64s,
     splat_c64s,
     add_c64s,
+    mul_e_c64s,
     mul_add_c64s
 );
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::numbers::real::Scalar;
+    use crate::numbers::traits::Scalar;
 
     /// Against the products of `dense`: shapes below, at and above whole strips and groups; vectors out
     /// of order and apart.

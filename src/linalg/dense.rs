@@ -5,8 +5,8 @@ use faer::linalg::matmul::matmul;
 use faer::prelude::SolveLstsq;
 use faer::{Accum, MatMut, MatRef, Par};
 use num_complex::Complex;
-use pulp::Arch;
 
+use crate::dispatch_level::dispatch;
 use crate::linalg::batched::{Batched, Products};
 use crate::linalg::matrix::Matrix;
 
@@ -79,7 +79,7 @@ macro_rules! dense {
                 from: &[Self],
                 to: &mut [Self],
             ) {
-                Arch::new().dispatch(Products { matrix, places, add, from, to });
+                dispatch(Products { matrix, places, add, from, to });
             }
 
             fn svd(a: &Matrix<Self>) -> Option<Svd<Self>> {

@@ -1,6 +1,6 @@
 //! Sums in twice the precision of their terms.
 
-use crate::numbers::real::Additive;
+use crate::numbers::traits::Numbers;
 
 /// The unevaluated sum of two words, the second smaller than what rounding the first may cost: double-word
 /// arithmetic (Joldes, Muller and Popescu, "Tight and rigorous error bounds for basic building blocks of
@@ -11,7 +11,7 @@ pub(crate) struct DoubleWord<V> {
     low: V,
 }
 
-impl<V: Additive> DoubleWord<V> {
+impl<V: Numbers> DoubleWord<V> {
     pub(crate) fn zero() -> Self {
         Self { high: V::zero(), low: V::zero() }
     }
@@ -19,57 +19,61 @@ impl<V: Additive> DoubleWord<V> {
     /// `self += word`, with a relative error of 2 u² for unit round-off u (their algorithm 4).
     #[inline(always)]
     pub(crate) fn accumulate(&mut self, word: &V) {
-        let (high, low) = two_sum(self.high, *word);
-        (self.high, self.low) = fast_two_sum(high, sum(self.low, &low));
+        let (high, low) = two_sum(&self.high, word);
+        (self.high, self.low) = fast_two_sum(&high, &sum(&self.low, &low));
     }
 
     /// `self += other`, with a relative error of 3 u² or little more (their algorithm 6) where the signs
     /// agree.
     pub(crate) fn add(&mut self, other: &Self) {
-        let (high, middle) = two_sum(self.high, other.high);
-        let (carry, low) = two_sum(self.low, other.low);
-        let (high, middle) = fast_two_sum(high, sum(middle, &carry));
-        (self.high, self.low) = fast_two_sum(high, sum(low, &middle));
+        let (high, middle) = two_sum(&self.high, &other.high);
+        let (carry, low) = two_sum(&self.low, &other.low);
+        let (high, middle) = fast_two_sum(&high, &sum(&middle, &carry));
+        (self.high, self.low) = fast_two_sum(&high, &sum(&low, &middle));
     }
 
     /// `self -= other`; as [`add`](Self::add).
     pub(crate) fn subtract(&mut self, other: &Self) {
-        let negated = |word: &V| difference(V::zero(), word);
+        let negated = |word: &V| difference(&V::zero(), word);
         self.add(&Self { high: negated(&other.high), low: negated(&other.low) });
     }
 
     /// `word - self`, rounded once where the two are close.
     pub(crate) fn subtracted_from(&self, word: &V) -> V {
-        difference(difference(*word, &self.high), &self.low)
+        difference(&difference(word, &self.high), &self.low)
     }
 }
 
 /// a + b, and what rounding it takes away (Knuth's 2Sum).
 #[inline(always)]
-fn two_sum<V: Additive>(a: V, b: V) -> (V, V) {
-    let s = sum(a, &b);
-    let from_b = difference(s, &a);
-    let from_a = difference(s, &from_b);
-    (s, sum(difference(a, &from_a), &difference(b, &from_b)))
+fn two_sum<V: Numbers>(a: &V, b: &V) -> (V, V) {
+    let s = sum(a, b);
+    let from_b = difference(&s, a);
+    let from_a = difference(&s, &from_b);
+    let rounding = sum(&difference(a, &from_a), &difference(b, &from_b));
+    (s, rounding)
 }
 
 /// a + b, and what rounding it takes away, for |a| ≥ |b| (Dekker's Fast2Sum).
 #[inline(always)]
-fn fast_two_sum<V: Additive>(a: V, b: V) -> (V, V) {
-    let s = sum(a, &b);
-    (s, difference(b, &difference(s, &a)))
+fn fast_two_sum<V: Numbers>(a: &V, b: &V) -> (V, V) {
+    let s = sum(a, b);
+    let rounding = difference(b, &difference(&s, a));
+    (s, rounding)
 }
 
 #[inline(always)]
-fn sum<V: Additive>(mut a: V, b: &V) -> V {
-    a.accumulate(b);
-    a
+fn sum<V: Numbers>(a: &V, b: &V) -> V {
+    let mut sum = a.clone();
+    sum.accumulate(b);
+    sum
 }
 
 #[inline(always)]
-fn difference<V: Additive>(mut a: V, b: &V) -> V {
-    a.subtract(b);
-    a
+fn difference<V: Numbers>(a: &V, b: &V) -> V {
+    let mut difference = a.clone();
+    difference.subtract(b);
+    difference
 }
 
 #[cfg(test)]

@@ -2,5 +2,13 @@
 
 pub(crate) mod bits;
 pub(crate) mod double_word;
+pub(crate) mod dual;
+pub(crate) mod lanes;
+pub(crate) mod number;
+pub(crate) mod points;
 pub(crate) mod random;
-pub(crate) mod real;
+#[cfg(feature = "ndarray")]
+pub(crate) mod rows;
+pub(crate) mod scalars;
+pub(crate) mod side_by_side;
+pub(crate) mod traits;

@@ -1,6 +1,6 @@
 //! The root cube and its cells.
 
-use crate::numbers::real::{Point, Real, Vector};
+use crate::numbers::traits::{Point, Real, Vector};
 
 /// The deepest level of the octree: three 21-bit coordinates fill one 64-bit Morton key.
 pub const MAX_LEVEL: usize = 21;
@@ -73,14 +73,14 @@ impl<T: Real> Cell<T> {
     ///
     /// # Panics
     /// If the level exceeds [`MAX_LEVEL`] or a coordinate lies outside the root cube.
-    pub fn new(root: &Cube<T>, level: usize, coordinates: [u32; 3]) -> Self {
+    pub fn new(root: &Cube<T>, level: usize, coordinates: [u64; 3]) -> Self {
         assert!(level <= MAX_LEVEL, "level {level}: expected at most {MAX_LEVEL}");
         let cells = 1i64 << level;
         let half_width = root.half_width / T::from_f64(cells as f64);
         let origin = root.centre.to_array();
         let exact_sums: [(T, T); 3] = std::array::from_fn(|k| {
-            let c = i64::from(coordinates[k]);
-            assert!(c < cells, "coordinate {c}: expected less than {cells}");
+            let c = coordinates[k] as i64;
+            assert!((0..cells).contains(&c), "coordinate {c}: expected less than {cells}");
             let from_root = half_width * T::from_f64((2 * c + 1 - cells) as f64);
             two_sum(origin[k], from_root)
         });
@@ -89,7 +89,7 @@ impl<T: Real> Cell<T> {
             centre_low: Point::<T>::from_array(exact_sums.map(|(_, low)| low)),
             half_width,
             level: level as u32,
-            coordinates,
+            coordinates: coordinates.map(|c| c as u32),
         }
     }
 
@@ -109,8 +109,8 @@ impl<T: Real> Cell<T> {
     }
 
     /// Its integer coordinates among the 2^level cells per axis.
-    pub fn coordinates(&self) -> [u32; 3] {
-        self.coordinates
+    pub fn coordinates(&self) -> [u64; 3] {
+        self.coordinates.map(u64::from)
     }
 
     /// `p` measured from the centre in scene units, free of the rounding that a far-away origin
@@ -171,7 +171,7 @@ mod tests {
         let cube = Cube::<f32>::new(Vec3::new(0.1, -3.7, 1e3), 0.731);
         let n = 1u32 << 19;
         for c in [0, 1, 77_777, n - 1] {
-            let cell = Cell::new(&cube, 19, [c; 3]);
+            let cell = Cell::new(&cube, 19, [u64::from(c); 3]);
             let from_root =
                 f64::from(cube.half_width()) * (f64::from(2 * c + 1) / f64::from(n) - 1.0);
             for (axis, centre) in [0.1f32, -3.7, 1e3].into_iter().enumerate() {

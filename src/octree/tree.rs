@@ -1,7 +1,7 @@
 //! The adaptive octree over points, and the box around them.
 
 use crate::error::{Error, PointSet};
-use crate::numbers::real::{Additive, Located, Point, Real, Vector};
+use crate::numbers::traits::{Located, Numbers, Point, Real, Vector};
 use crate::octree::geometry::{Cell, Cube, MAX_LEVEL};
 use crate::octree::morton::{Keyed, coordinates, morton_key};
 use crate::octree::shape::Shape;
@@ -31,7 +31,7 @@ impl<T: Real> Tree<T> {
         let cells = parallel::map(keys.len(), &|c| {
             let level = shape.nodes[c].level();
             let shift = 3 * (MAX_LEVEL - level) as u32;
-            Cell::new(root, level, coordinates(keys[c] >> shift))
+            Cell::new(root, level, coordinates(keys[c] >> shift).map(u64::from))
         });
         Self { shape, cells }
     }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::error::{Error, PointSet};
-use crate::numbers::real::Located;
+use crate::numbers::traits::Located;
 use crate::octree::geometry::Cube;
 use crate::octree::tree::{Bounds, Tree};
 use crate::parallel;

@@ -2,13 +2,15 @@
 
 use std::fmt;
 
+use crate::dispatch_level::DispatchLevel;
 use crate::error::Error;
+use crate::expansion::costs::Costs;
 use crate::expansion::{Expansion, Geometry, RealOf, SourceOf, TargetOf};
 use crate::interaction::cell_mask::{CellMask, PointMask, TreePoints};
 use crate::interaction::traversal::{Far, Traversal};
 use crate::interpolation::black_box::Interpolation;
-use crate::kernel::PointKernel;
 use crate::kernel::mask::{Mask, Unmasked};
+use crate::kernel::traits::Kernel;
 use crate::octree::trees::Trees;
 use crate::plan::choice::{Candidate, DOUBT, cheapest, correct};
 use crate::plan::estimate::Estimate;
@@ -18,7 +20,7 @@ use crate::plan::pair_time::pair_seconds;
 use crate::plan::times::{BuildTimes, Clock, Phase, Progress};
 use crate::plan::{Plan, Scheme, levels};
 
-impl<K: PointKernel> Fmm<Interpolation<K>> {
+impl<K: Kernel> Fmm<Interpolation<K>> {
     /// Starts a plan for a kernel given by its formula, expanded by [`Interpolation`].
     pub fn builder(kernel: K) -> Builder<'static, Interpolation<K>, Unmasked> {
         Fmm::with_expansion(Interpolation::new(kernel))
@@ -50,7 +52,7 @@ struct Choices<'a> {
     progress: Option<&'a (dyn Fn(Progress) + Sync)>,
 }
 
-impl<K: PointKernel, M> Builder<'_, Interpolation<K>, M> {
+impl<K: Kernel, M> Builder<'_, Interpolation<K>, M> {
     /// The relative l2 error to stay below; default 1e-6. The order follows from it.
     pub fn tolerance(mut self, tolerance: f64) -> Self {
         self.expansion = self.expansion.tolerance(tolerance);
@@ -145,12 +147,13 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
     /// # Errors
     /// If a coordinate is not finite, the points extend too far for their precision, the leaf size is
     /// zero, the plan would need more memory than it may, or the expansion can't meet its tolerance or
-    /// order.
+    /// order, or if `FARFIELD_DISPATCH` does not name a [`DispatchLevel`].
     pub fn build(
         mut self,
         sources: &[SourceOf<E>],
         targets: &[TargetOf<E>],
     ) -> Result<Fmm<E>, Error> {
+        DispatchLevel::in_force()?;
         let (mut clock, mut times) = (Clock::start(), BuildTimes::default());
         self.report(Phase::Tree, 0.0);
         let mut trees = self.trees(sources, targets)?;
@@ -241,12 +244,17 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
         sources: &[SourceOf<E>],
         targets: &[TargetOf<E>],
     ) -> Result<Trees<SourceOf<E>, TargetOf<E>>, Error> {
-        let best = || self.expansion.leaf_size(self.pair_seconds(sources, targets));
+        let best = || self.costs().leaf_size(self.pair_seconds(sources, targets));
         Trees::new(sources, targets, &|| self.choices.leaf_size.unwrap_or_else(best))
     }
 
+    /// What is known of costs before the expansion is prepared.
+    fn costs(&self) -> Costs {
+        self.expansion.costs(2)
+    }
+
     fn pair_seconds(&self, sources: &[SourceOf<E>], targets: &[TargetOf<E>]) -> f64 {
-        let (kernel, tolerance) = (self.expansion.kernel(), self.expansion.pair_tolerance());
+        let (kernel, tolerance) = (self.expansion.kernel(), self.costs().pair_tolerance);
         pair_seconds(kernel, tolerance, sources, targets)
     }
 
@@ -273,7 +281,7 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
             mask,
             far: match scheme {
                 Scheme::Direct => Far::Nothing,
-                Scheme::Fmm if self.expansion.weighs() => Far::Weighed,
+                Scheme::Fmm if self.costs().weighs => Far::Weighed,
                 Scheme::Fmm | Scheme::Treecode { .. } => Far::Whole,
             },
         }

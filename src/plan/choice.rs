@@ -7,7 +7,7 @@ use std::sync::Mutex;
 use std::time::Instant;
 
 use crate::expansion::Expansion;
-use crate::numbers::real::Additive;
+use crate::numbers::traits::Numbers;
 use crate::plan::estimate::Estimate;
 use crate::plan::{Plan, Scheme, Workspace};
 
@@ -42,7 +42,7 @@ pub(crate) fn cheapest<E: Expansion>(expansion: &E, candidates: &[Candidate]) ->
 /// Applies `plan` to see how many times as long as forecast it takes, and remembers that for all plans
 /// of its kind.
 pub(crate) fn correct<E: Expansion>(plan: &Plan<E>, estimate: &Estimate) {
-    let charges = vec![Additive::zero(); plan.sources.len()];
+    let charges = vec![Numbers::zero(); plan.sources.len()];
     let mut workspace = Workspace::new(plan);
     let (start, mut shortest) = (Instant::now(), f64::INFINITY);
     for _ in 0..REPETITIONS {
@@ -74,8 +74,8 @@ fn correction<E: Expansion>(expansion: &E, scheme: Scheme) -> Option<f64> {
 type Kind = (&'static str, u64, usize, Scheme);
 
 fn kind<E: Expansion>(expansion: &E, scheme: Scheme) -> Kind {
-    let tolerance = expansion.pair_tolerance().to_bits();
-    (type_name::<E>(), tolerance, expansion.expected_terms(), scheme)
+    let costs = expansion.costs(2);
+    (type_name::<E>(), costs.pair_tolerance.to_bits(), costs.terms, scheme)
 }
 
 fn remembered<R>(ask: impl FnOnce(&mut BTreeMap<Kind, f64>) -> R) -> R {

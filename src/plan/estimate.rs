@@ -5,6 +5,7 @@
 /// as are at hand with nothing else to do.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[non_exhaustive]
 pub struct Estimate {
     /// The largest number of points in a leaf.
     pub leaf_size: usize,

@@ -5,7 +5,7 @@ use std::sync::Mutex;
 
 use crate::error::Error;
 use crate::expansion::{ChargeOf, Expansion, ValueOf};
-use crate::numbers::real::Additive;
+use crate::numbers::traits::Numbers;
 use crate::parallel;
 use crate::plan::estimate::Estimate;
 use crate::plan::stats::{Stats, stats};
@@ -34,9 +34,9 @@ use crate::plan::{Plan, Workspace};
 /// ```
 pub struct Fmm<E: Expansion> {
     pub(crate) plan: Plan<E>,
-    stats: Stats,
-    build_times: BuildTimes,
-    estimate: Option<Estimate>,
+    pub(crate) stats: Stats,
+    pub(crate) build_times: BuildTimes,
+    pub(crate) estimate: Option<Estimate>,
     idle: Mutex<Vec<Workspace<E>>>,
 }
 
@@ -79,21 +79,6 @@ impl<E: Expansion> Fmm<E> {
         Ok((values, times))
     }
 
-    /// What the plan consists of.
-    pub fn stats(&self) -> &Stats {
-        &self.stats
-    }
-
-    /// How long building the plan took.
-    pub fn build_times(&self) -> &BuildTimes {
-        &self.build_times
-    }
-
-    /// What the plan was expected to cost, if that was asked: for a choice of scheme or a memory budget.
-    pub fn estimate(&self) -> Option<&Estimate> {
-        self.estimate.as_ref()
-    }
-
     /// The expansion, as prepared for this plan.
     pub fn expansion(&self) -> &E {
         &self.plan.expansion
@@ -105,9 +90,7 @@ impl<E: Expansion> Fmm<E> {
             return Err(Error::LengthMismatch { what: "charges", expected, found });
         }
         match first_not_finite(charges) {
-            Some(index) => {
-                Err(Error::NonFiniteCharge { index, charge: format!("{:?}", charges[index]) })
-            }
+            Some(index) => Err(Error::NonFiniteCharge { index, charge: charges[index].to_f64s() }),
             None => Ok(()),
         }
     }
@@ -122,15 +105,15 @@ impl<E: Expansion> Fmm<E> {
     }
 }
 
-pub(crate) fn check_values<V: Additive>(values: &[V]) -> Result<(), Error> {
+pub(crate) fn check_values<V: Numbers>(values: &[V]) -> Result<(), Error> {
     match first_not_finite(values) {
-        Some(index) => Err(Error::NonFiniteValue { index, value: format!("{:?}", values[index]) }),
+        Some(index) => Err(Error::NonFiniteValue { index, value: values[index].to_f64s() }),
         None => Ok(()),
     }
 }
 
 /// Index of the first value that is not finite. O(N).
-fn first_not_finite<V: Additive>(values: &[V]) -> Option<usize> {
+fn first_not_finite<V: Numbers>(values: &[V]) -> Option<usize> {
     let chunks = values.len().div_ceil(CHUNK);
     let found = parallel::map(chunks, &|chunk| {
         let start = CHUNK * chunk;

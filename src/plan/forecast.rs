@@ -35,7 +35,7 @@ const M2L_SHARE: f64 = 2.0 / 3.0;
 impl<E: Expansion> Forecast<'_, E> {
     /// What the plan with the lists that `traversal` would find would cost.
     pub(crate) fn estimate(&self, traversal: &Traversal<'_, RealOf<E>>) -> Estimate {
-        let terms = self.expansion.expected_terms();
+        let terms = self.expansion.costs(2).terms;
         let (mut clock, mut seconds) = (Clock::start(), 0.0);
         let (levels, share) = traversal.sample_lists(TERM_PAIRS * terms);
         clock.lap(&mut seconds);
@@ -69,7 +69,7 @@ impl<E: Expansion> Forecast<'_, E> {
     /// An expansion says it by the leaf size s that it chooses: at that, translations for a leaf and its
     /// share of the cells above, 8/7 cells, take as long as 27 s²/8 pairs.
     fn translated_pairs(&self, levels: &[ListSample]) -> f64 {
-        let balanced = self.expansion.leaf_size(self.pair_seconds) as f64;
+        let balanced = self.expansion.costs(2).leaf_size(self.pair_seconds) as f64;
         let per_cell = 7.0 / 8.0 * 27.0 / 8.0 * balanced * balanced;
         let first = first_far_level(levels);
         let shape = &self.trees.target_tree.shape;

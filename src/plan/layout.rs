@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 use rayon::prelude::*;
 
-use crate::interaction::lists::{Costs, Lists};
+use crate::interaction::lists::{ListCosts, Lists};
 use crate::octree::shape::Shape;
 
 /// The layout of a plan.
@@ -32,7 +32,7 @@ pub(crate) struct Parts<'a> {
     pub(crate) sources: &'a Shape,
     pub(crate) targets: &'a Shape,
     pub(crate) lists: &'a Lists,
-    pub(crate) costs: &'a Costs,
+    pub(crate) costs: &'a ListCosts,
     /// Multipole terms of a cell, level by level.
     pub(crate) multipole_lens: &'a [usize],
     /// Local terms of a cell, level by level.

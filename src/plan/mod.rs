@@ -20,8 +20,8 @@ use std::sync::atomic::AtomicBool;
 use rayon::prelude::*;
 
 use crate::expansion::{ChargeOf, Expansion, Level, RealOf, SourceOf, TargetOf, ValueOf};
-use crate::interaction::lists::{Costs, Lists};
-use crate::numbers::real::{Additive, Real};
+use crate::interaction::lists::{ListCosts, Lists};
+use crate::numbers::traits::{Numbers, Real};
 use crate::octree::geometry::Cube;
 use crate::octree::tree::Tree;
 use crate::octree::trees::Trees;
@@ -67,6 +67,8 @@ impl fmt::Display for Scheme {
 pub(crate) struct Plan<E: Expansion> {
     pub(crate) expansion: E,
     pub(crate) scheme: Scheme,
+    /// The relative error that a pair of the near field may be off by.
+    pub(crate) pair_tolerance: f64,
     pub(crate) root: Cube<RealOf<E>>,
     /// The largest number of points in a leaf that can be split.
     pub(crate) leaf_size: usize,
@@ -92,9 +94,9 @@ impl<E: Expansion> Plan<E> {
         let Trees { root, leaf_size, source_tree, target_tree, sources, targets } = trees;
         let by_level =
             |of: &dyn Fn(usize) -> usize| -> Vec<usize> { (0..levels).map(of).collect() };
-        let costs = Costs {
-            m2p: by_level(&|level| expansion.m2p_pairs(level)),
-            p2l: by_level(&|level| expansion.p2l_pairs(level)),
+        let costs = ListCosts {
+            m2p: by_level(&|level| expansion.costs(level).m2p_pairs),
+            p2l: by_level(&|level| expansion.costs(level).p2l_pairs),
             treecode: scheme != Scheme::Fmm,
         };
         lists.sum_small_directly(&target_tree.shape, &source_tree.shape, &costs);
@@ -107,9 +109,11 @@ impl<E: Expansion> Plan<E> {
             local_lens: &by_level(&|level| expansion.local_len(level)),
             shift_moments: scheme.shifts_moments(),
         });
+        let pair_tolerance = expansion.costs(levels.saturating_sub(1)).pair_tolerance;
         Self {
             expansion,
             scheme,
+            pair_tolerance,
             root,
             leaf_size,
             source_tree,
@@ -148,10 +152,10 @@ impl<E: Expansion> Workspace<E> {
     pub(crate) fn new(plan: &Plan<E>) -> Self {
         let Layout { multipole_terms, local_terms, .. } = &plan.layout;
         Self {
-            charges: vec![Additive::zero(); plan.sources.len()],
-            values: vec![Additive::zero(); plan.targets.len()],
-            multipoles: multipole_terms.iter().map(|&n| vec![Additive::zero(); n]).collect(),
-            locals: local_terms.iter().map(|&n| vec![Additive::zero(); n]).collect(),
+            charges: vec![Numbers::zero(); plan.sources.len()],
+            values: vec![Numbers::zero(); plan.targets.len()],
+            multipoles: multipole_terms.iter().map(|&n| vec![Numbers::zero(); n]).collect(),
+            locals: local_terms.iter().map(|&n| vec![Numbers::zero(); n]).collect(),
             p2l_declined: plan.lists.p2l.items.iter().map(|_| AtomicBool::new(false)).collect(),
             gathered: Pool::default(),
         }

@@ -2,7 +2,7 @@
 //! meets its targets once with many sources instead of many times with a few.
 
 use crate::interaction::lists::{ALL, Run};
-use crate::kernel::Kernel;
+use crate::kernel::traits::Kernel;
 
 /// What the near field is summed from.
 pub(crate) struct Near<'a, K: Kernel> {

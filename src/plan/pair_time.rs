@@ -6,8 +6,8 @@ use std::hint::black_box;
 use std::sync::Mutex;
 use std::time::Instant;
 
-use crate::kernel::Kernel;
-use crate::numbers::real::Additive;
+use crate::kernel::traits::Kernel;
+use crate::numbers::traits::Numbers;
 
 /// Seconds per pair of [`Kernel::add_block`] at this `tolerance`, measured on some of the points.
 ///

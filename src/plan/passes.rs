@@ -7,8 +7,8 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 use crate::expansion::{ChargeOf, Expansion, LevelFamilies, LevelPairs, TargetOf, ValueOf};
-use crate::kernel::{Kernel, Outcome};
-use crate::numbers::real::Additive;
+use crate::kernel::traits::{Kernel, Outcome};
+use crate::numbers::traits::Numbers;
 use crate::octree::shape::Shape;
 use crate::parallel;
 use crate::plan::near::{Gathered, Near};
@@ -81,10 +81,10 @@ impl<E: Expansion> Plan<E> {
     /// The sums in the caller's order.
     pub(crate) fn in_callers_order(&self, workspace: &Workspace<E>) -> Vec<ValueOf<E>> {
         let ranks = &self.layout.target_ranks;
-        let mut values = vec![Additive::zero(); ranks.len()];
+        let mut values: Vec<ValueOf<E>> = vec![Numbers::zero(); ranks.len()];
         parallel::for_each_piece(&mut values, PIECE, &|piece, values| {
             let places = values.iter_mut().zip(&ranks[PIECE * piece..]);
-            places.for_each(|(u, &rank)| *u = workspace.values[rank as usize]);
+            places.for_each(|(u, &rank)| u.clone_from(&workspace.values[rank as usize]));
         });
         values
     }
@@ -100,7 +100,7 @@ impl<E: Expansion> Plan<E> {
         let order = &self.source_tree.shape.order;
         parallel::for_each_piece(&mut workspace.charges, PIECE, &|piece, qs| {
             let places = qs.iter_mut().zip(&order[PIECE * piece..]);
-            places.for_each(|(q, &i)| *q = charges[i as usize]);
+            places.for_each(|(q, &i)| q.clone_from(&charges[i as usize]));
         });
         clock.lap(&mut times.permutation);
         self.p2m(workspace);
@@ -133,7 +133,7 @@ impl<E: Expansion> Plan<E> {
                 {
                     return;
                 }
-                multipole.fill(Additive::zero());
+                multipole.fill(Numbers::zero());
                 let points = node.points();
                 let (ys, qs) = (&self.sources[points.clone()], &charges[points]);
                 self.expansion.p2m(cell, ys, qs, multipole);
@@ -151,7 +151,7 @@ impl<E: Expansion> Plan<E> {
             let len = self.expansion.multipole_len(level - 1);
             parallel::for_each_piece(to, len, &|p, multipole| {
                 if !families.children_of(p).is_empty() {
-                    multipole.fill(Additive::zero());
+                    multipole.fill(Numbers::zero());
                 }
             });
             self.expansion.m2m_level(&families, &below[0], to);
@@ -166,7 +166,7 @@ impl<E: Expansion> Plan<E> {
         if locals.is_empty() {
             return;
         }
-        parallel::for_each_piece(locals, PIECE, &|_, terms| terms.fill(Additive::zero()));
+        parallel::for_each_piece(locals, PIECE, &|_, terms| terms.fill(Numbers::zero()));
         let cells = targets.shape.level(level);
         for (weight, list) in self.lists.weighed_m2l() {
             let starts = &list.starts[cells.start..=cells.end];
@@ -215,7 +215,7 @@ impl<E: Expansion> Plan<E> {
         let Workspace { charges, values, multipoles, locals, p2l_declined, gathered } = workspace;
         let near = Near {
             kernel: self.expansion.kernel(),
-            tolerance: self.expansion.pair_tolerance(),
+            tolerance: self.pair_tolerance,
             sources: &self.sources,
             charges,
             bits: &self.lists.bits,
@@ -224,7 +224,7 @@ impl<E: Expansion> Plan<E> {
             let tree = &self.target_tree;
             let xs = &self.targets[tree.shape.nodes[t].points()];
             if sweep.local {
-                us.fill(Additive::zero());
+                us.fill(Numbers::zero());
             }
             if sweep.local && self.layout.local[t] {
                 let cell = &tree.cells[t];
@@ -327,7 +327,7 @@ impl<E: Expansion> Far<'_, E> {
         let points = self.plan.source_tree.shape.nodes[s as usize].points();
         let (ys, qs) = (&self.plan.sources[points.clone()], &self.charges[points]);
         let expansion = &self.plan.expansion;
-        expansion.kernel().add_block(xs, ys, qs, expansion.pair_tolerance(), us);
+        expansion.kernel().add_block(xs, ys, qs, self.plan.pair_tolerance, us);
     }
 }
 

@@ -13,12 +13,14 @@ use crate::plan::times::{ApplyTimes, BuildTimes};
 /// feature `serde` it can be serialised.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[non_exhaustive]
 pub struct Report {
     /// Sizes of tree, lists and memory.
     pub stats: Stats,
     /// Seconds that building took.
     pub build: BuildTimes,
-    /// What plan and application were expected to cost, if that was [asked](Fmm::estimate).
+    /// What plan and application were expected to cost, if that was needed to choose a
+    /// scheme or to keep a memory budget.
     pub estimate: Option<Estimate>,
     /// Seconds that an application took, if one was [measured](Fmm::apply_timed).
     pub apply: Option<ApplyTimes>,
@@ -29,6 +31,7 @@ pub struct Report {
 /// What is on one level of the trees.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[non_exhaustive]
 pub struct LevelReport {
     /// Number of source cells.
     pub source_cells: usize,
@@ -89,9 +92,9 @@ impl<E: Expansion> Fmm<E> {
         };
         let levels = (0..sources.levels().max(targets.levels())).map(level).collect();
         Report {
-            stats: self.stats().clone(),
-            build: *self.build_times(),
-            estimate: self.estimate().copied(),
+            stats: self.stats.clone(),
+            build: self.build_times,
+            estimate: self.estimate,
             apply: None,
             levels,
         }

@@ -12,6 +12,7 @@ use crate::plan::{Plan, Scheme, Workspace};
 /// What a plan consists of.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[non_exhaustive]
 pub struct Stats {
     /// How the plan sums.
     pub scheme: Scheme,

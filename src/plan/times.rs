@@ -5,6 +5,7 @@ use std::time::Instant;
 /// Seconds that building a plan took, part by part.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[non_exhaustive]
 pub struct BuildTimes {
     /// Checking the points and sorting them into trees.
     pub tree: f64,
@@ -17,6 +18,7 @@ pub struct BuildTimes {
 /// Seconds that one application took, operator by operator.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[non_exhaustive]
 pub struct ApplyTimes {
     /// Bringing charges into tree order and values back into the caller's, with their checks.
     pub permutation: f64,
@@ -46,6 +48,7 @@ impl ApplyTimes {
 
 /// Which part of building a plan is under way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Phase {
     /// Sorting the points into trees.
     Tree,
@@ -57,6 +60,7 @@ pub enum Phase {
 
 /// A report on how far building a plan has come.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Progress {
     /// The part under way.
     pub phase: Phase,

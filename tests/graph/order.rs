@@ -2,8 +2,9 @@
 
 use crate::imports::Import;
 
-/// The engine's folders, each of which imports only from those above it; `error` is a single file.
-pub(crate) const STAGES: [&str; 12] = [
+/// The engine's folders, each of which imports only from those above it; `dispatch_level` and `error` are single files.
+pub(crate) const STAGES: [&str; 13] = [
+    "dispatch_level",
     "error",
     "parallel",
     "linalg",

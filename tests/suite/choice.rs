@@ -21,16 +21,16 @@ fn few_points_are_summed_directly_and_many_by_expansions() {
         let charges = clouds::charges(n, 2);
         let builder = || Fmm::builder(inverse()).tolerance(1e-4);
         let fmm = builder().build(&points, &points).unwrap();
-        assert_eq!(fmm.stats().scheme, expected, "{n} points");
-        assert_eq!(fmm.stats().expansion_pairs > 0, expected == Scheme::Fmm);
+        assert_eq!(fmm.report().stats.scheme, expected, "{n} points");
+        assert_eq!(fmm.report().stats.expansion_pairs > 0, expected == Scheme::Fmm);
 
         let values = fmm.apply(&charges).unwrap();
-        let exact = direct(&inverse(), &points, &charges, &points[..300.min(n)]);
+        let exact = direct(&inverse(), &points, &charges, &points[..300.min(n)]).unwrap();
         assert!(relative_l2_error(&values[..exact.len()], &exact) < 1e-4);
 
         let report = fmm.report();
         let estimate = report.estimate.expect("a choice rests on estimates");
-        assert_eq!(Some(&estimate), fmm.estimate());
+
         assert!(report.to_string().contains("expected: plan"));
         assert_eq!(estimate.far_seconds > 0.0, expected == Scheme::Fmm);
         let again = builder().build(&points, &points).unwrap();
@@ -43,7 +43,7 @@ fn few_targets_don_t_pay_for_expansions() {
     // 200,000 pairs, and moments of 20,000 sources.
     let (sources, targets) = (clouds::cube(20_000, 1), clouds::cube(10, 2));
     let fmm = Fmm::builder(inverse()).tolerance(1e-4).build(&sources, &targets).unwrap();
-    assert_eq!(fmm.stats().scheme, Scheme::Direct);
+    assert_eq!(fmm.report().stats.scheme, Scheme::Direct);
 }
 
 /// Counts points, with moments that take far longer than is forecast.
@@ -90,7 +90,11 @@ fn doubts_are_settled_by_applying_the_plan() {
     let ratio = forecast.direct_seconds / forecast.apply_seconds();
     assert!(ratio > 2.0 && ratio < 15.0, "expansions look better, but not beyond doubt: {ratio}");
     let fmm = builder().build(&points, &points).unwrap();
-    assert_eq!(fmm.stats().scheme, Scheme::Direct, "direct sums take less than hundreds of naps");
+    assert_eq!(
+        fmm.report().stats.scheme,
+        Scheme::Direct,
+        "direct sums take less than hundreds of naps"
+    );
     assert_eq!(fmm.apply(&[1.0; 6000]).unwrap(), [6000.0; 6000]);
 }
 
@@ -98,11 +102,11 @@ fn doubts_are_settled_by_applying_the_plan() {
 fn what_is_given_is_taken() {
     let points = clouds::cube(300, 1);
     let builder = || Fmm::builder(inverse()).tolerance(1e-2);
-    let scheme_of = |fmm: Fmm<_>| fmm.stats().scheme;
+    let scheme_of = |fmm: Fmm<_>| fmm.report().stats.scheme;
     let given = builder().scheme(Scheme::Treecode { m2m: false }).build(&points, &points);
     assert_eq!(scheme_of(given.unwrap()), Scheme::Treecode { m2m: false });
     let cells = builder().leaf_size(10).build(&points, &points).unwrap();
-    assert!(cells.stats().expansion_pairs > 0 && cells.estimate().is_none());
+    assert!(cells.report().stats.expansion_pairs > 0 && cells.report().estimate.is_none());
     assert_eq!(scheme_of(cells), Scheme::Fmm);
     let masked = builder().mask(Unmasked).build(&points, &points);
     assert_eq!(scheme_of(masked.unwrap()), Scheme::Fmm);

@@ -34,7 +34,7 @@ fn bytes_and_pairs_are_foretold_within_a_half() {
             let targets = &points[..targets];
             let estimate = builder.estimate(points, targets).unwrap();
             let fmm = builder.build(points, targets).unwrap();
-            let stats = fmm.stats();
+            let stats = fmm.report().stats;
             let what = format!("{name}, {tolerance:e}, leaf size {leaf_size}");
             let bytes = stats.plan_bytes() + stats.workspace_bytes;
             close(&what, estimate.bytes() as f64, bytes as f64, 1.5);
@@ -67,7 +67,7 @@ fn masks_and_schemes_are_foretold() {
     let points = clouds::cube(10_000, 5);
     let builder = Fmm::builder(inverse()).tolerance(1e-4).leaf_size(30).mask(Above);
     let estimate = builder.estimate(&points, &points).unwrap();
-    let stats = builder.build(&points, &points).unwrap().stats().clone();
+    let stats = builder.build(&points, &points).unwrap().report().stats.clone();
     close(
         "masked",
         estimate.bytes() as f64,
@@ -79,7 +79,7 @@ fn masks_and_schemes_are_foretold() {
     for scheme in [Scheme::Direct, Scheme::Treecode { m2m: true }] {
         let builder = Fmm::with_expansion(Counting::<f64>::new()).leaf_size(30).scheme(scheme);
         let estimate = builder.estimate(&points, &points).unwrap();
-        let stats = builder.build(&points, &points).unwrap().stats().clone();
+        let stats = builder.build(&points, &points).unwrap().report().stats.clone();
         let bytes = stats.plan_bytes() + stats.workspace_bytes;
         close(&format!("{scheme:?}"), estimate.bytes() as f64, bytes as f64, 1.5);
         assert_eq!(estimate.far_seconds > 0.0, scheme != Scheme::Direct);

@@ -2,7 +2,6 @@
 
 mod certificate;
 mod choice;
-mod command_line;
 mod engine;
 mod estimate;
 mod extension;
@@ -12,6 +11,7 @@ mod lists;
 mod moments;
 mod radiosity;
 mod translation_theorems;
+mod written_once;
 
 use farfield::{FnKernel, from_fn};
 use glam::{DVec3, Vec3};

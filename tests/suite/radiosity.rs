@@ -17,13 +17,13 @@ const ACCURACY: f64 = 5e-4;
 
 /// A plan over the surfels themselves, exact to [`ACCURACY`], with leaves small enough for the far field to
 /// matter. The order is given, since what it takes to reach a tolerance is tested elsewhere.
-fn plan<C: farfield::Columns<f64>>(
+fn plan<C: farfield::Numbers<Real = f64>>(
     surfels: &[Surfel],
     mask: &impl Mask<Irradiance<f64, C>>,
 ) -> Plan<C> {
     let builder = Fmm::builder(Irradiance::clamped()).mask(mask).order(4);
     let plan = builder.leaf_size(16).build(surfels, surfels).unwrap();
-    assert!(plan.stats().expansion_pairs > 0, "only a plan with a far field is a test");
+    assert!(plan.report().stats.expansion_pairs > 0, "only a plan with a far field is a test");
     plan
 }
 
@@ -69,7 +69,7 @@ fn inside_a_sphere_the_solution_is_known() {
     }
 
     let kernel = Irradiance::clamped();
-    let sum = |b: &[[f64; 1]]| Ok::<_, Error>(direct(&kernel, &sphere, b, &sphere));
+    let sum = |b: &[[f64; 1]]| Ok::<_, Error>(direct(&kernel, &sphere, b, &sphere).unwrap());
     let solution = jacobi(&emission, &reflectance, TIGHT, sum, |_, _| ()).unwrap();
     assert!(relative_l2_error(&solution.radiosity, &exact) < 1e-11);
 
@@ -86,27 +86,40 @@ fn a_furnace_glows_evenly_whatever_stands_in_it() {
     let occluders = Occluders::new(&scene.triangles).unwrap();
     let mask = Visibility::new(&occluders);
     let kernel = Irradiance::<f64>::clamped();
-    let row_sums = direct_masked(&kernel, &mask, surfels, &vec![1.0; surfels.len()], surfels);
+    let row_sums =
+        direct_masked(&kernel, &mask, surfels, &vec![1.0; surfels.len()], surfels).unwrap();
     let reflectance: Vec<_> = (0..surfels.len()).map(|i| [0.1 + 0.1 * (i % 6) as f64]).collect();
     // What the enclosure doesn't return is emitted: E = 1 − ρ·(row sum), so that B = 1.
     let emission: Vec<_> =
         reflectance.iter().zip(&row_sums).map(|(rho, sum)| [1.0 - rho[0] * sum]).collect();
     let fmm = plan(surfels, &mask);
-    let solution = jacobi(&emission, &reflectance, TIGHT, |b| fmm.apply(b), |_, _| ()).unwrap();
+    // At this order near pairs are summed in single precision, whose rounding of 6e-8 is the least residual
+    // that all machines reach.
+    let stop = Stop { tolerance: 1e-6, ..TIGHT };
+    let solution = jacobi(&emission, &reflectance, stop, |b| fmm.apply(b), |_, _| ()).unwrap();
     assert!(relative_l2_error(&solution.radiosity, &vec![[1.0]; surfels.len()]) < ACCURACY);
+    // Where roundings happen to settle, some reach less. Others say at once that they don't.
+    match jacobi(&emission, &reflectance, TIGHT, |b| fmm.apply(b), |_, _| ()) {
+        Ok(solution) => assert!(solution.residual <= TIGHT.tolerance),
+        Err(farfield_radiosity::Error::Stagnated { iterations, residual, floor, .. }) => {
+            assert!(iterations < 100 && residual <= floor && floor < stop.tolerance);
+        }
+        Err(error) => panic!("{error}"),
+    }
 }
 
 #[test]
 fn centroid_factors_of_a_cube_exceed_closure_and_solvers_say_so() {
     let cube = furnace(8).surfels;
-    let row_sums = direct(&Irradiance::<f64>::clamped(), &cube, &vec![1.0; cube.len()], &cube);
+    let row_sums =
+        direct(&Irradiance::<f64>::clamped(), &cube, &vec![1.0; cube.len()], &cube).unwrap();
     let least = row_sums.iter().copied().fold(f64::INFINITY, f64::min);
     let greatest = row_sums.iter().copied().fold(0.0, f64::max);
     assert_relative_eq!(least, 1.007, epsilon = 1e-3);
     assert_relative_eq!(greatest, 1.239, epsilon = 1e-3);
 
     let kernel = Irradiance::clamped();
-    let sum = |b: &[[f64; 1]]| Ok::<_, Error>(direct(&kernel, &cube, b, &cube));
+    let sum = |b: &[[f64; 1]]| Ok::<_, Error>(direct(&kernel, &cube, b, &cube).unwrap());
     let solve = |rho| {
         let emission = vec![[1.0]; cube.len()];
         jacobi(&emission, &vec![[rho]; cube.len()], Stop::default(), sum, |_, _| ())
@@ -178,9 +191,9 @@ fn a_sphere_from_outside_needs_clamped_cosines() {
             Surfel { position: DVec3::Z * h, normal, area: 1.0, face: Surfel::<f64>::NO_FACE };
         let exact = (radius / h).powi(2) * cos;
         let clamped = Irradiance::clamped();
-        let irradiance = direct(&clamped, &sphere, &radiosity, &[receiver])[0];
+        let irradiance = direct(&clamped, &sphere, &radiosity, &[receiver]).unwrap()[0];
         assert_relative_eq!(irradiance, exact, max_relative = 1e-3);
-        let signed = direct(&Irradiance::signed(), &sphere, &radiosity, &[receiver])[0];
+        let signed = direct(&Irradiance::signed(), &sphere, &radiosity, &[receiver]).unwrap()[0];
         assert!(signed.abs() < 1e-3 * exact, "the far side takes away what the near side gives");
 
         let builder = Fmm::builder(clamped).mask(Facing).order(4);
@@ -199,7 +212,7 @@ fn fast_sums_with_visibility_meet_direct_ones_and_count_every_pair_once() {
     let kernel = Irradiance::<f64, [f64; 3]>::clamped();
 
     let one_by_one = Visibility::new(&occluders);
-    let exact = direct_masked(&kernel, &one_by_one, surfels, &radiosity, surfels);
+    let exact = direct_masked(&kernel, &one_by_one, surfels, &radiosity, surfels).unwrap();
     let mask = Visibility::new(&occluders);
     let fmm = plan(surfels, &mask);
     assert!(relative_l2_error(&fmm.apply(&radiosity).unwrap(), &exact) < ACCURACY);
@@ -212,7 +225,7 @@ fn fast_sums_with_visibility_meet_direct_ones_and_count_every_pair_once() {
     assert!(counts.certified > counts.total() / 10);
 
     // Visibility matters here: without it the sums are far off.
-    let unhidden = direct(&kernel, surfels, &radiosity, surfels);
+    let unhidden = direct(&kernel, surfels, &radiosity, surfels).unwrap();
     assert!(relative_l2_error(&unhidden, &exact) > 0.05);
 }
 
@@ -229,7 +242,7 @@ fn single_precision_reaches_its_digits() {
 
     let radiosity: Vec<f64> = radiosity.into_iter().map(f64::from).collect();
     let kernel = Irradiance::<f64>::clamped();
-    let exact = direct_masked(&kernel, &mask, &scene.surfels, &radiosity, &scene.surfels);
+    let exact = direct_masked(&kernel, &mask, &scene.surfels, &radiosity, &scene.surfels).unwrap();
     assert!(relative_l2_error(&sums, &exact) < ACCURACY);
 }
 
@@ -249,8 +262,9 @@ fn shooting_and_gathering_agree_and_conserve_energy() {
         .collect();
     let stop = Stop { tolerance: 1e-5, max_iterations: 100_000 };
 
-    let gather =
-        |b: &[[f64; 3]]| Ok::<_, Error>(direct_masked(&kernel, &mask, surfels, b, surfels));
+    let gather = |b: &[[f64; 3]]| {
+        Ok::<_, Error>(direct_masked(&kernel, &mask, surfels, b, surfels).unwrap())
+    };
     let gathered = jacobi(&emission, &reflectance, stop, gather, |_, _| ()).unwrap();
     let column = |i: usize| {
         let factor = |x: &Surfel| {

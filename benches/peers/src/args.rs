@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use std::thread::available_parallelism;
 
 use clap::Parser;
-
-use crate::clouds::Cloud;
+use farfield_benches::cli::count;
+use farfield_benches::clouds::Cloud;
 
 /// Sums 1/r by farfield, ferreus_bbfmm and fmm3dpy: same points, charges and threads, equal error.
 #[derive(Debug, Parser)]
@@ -51,13 +51,5 @@ impl Args {
     /// How many threads everyone computes with.
     pub(crate) fn threads(&self) -> usize {
         self.threads.unwrap_or_else(|| available_parallelism().map_or(1, NonZero::get)).max(1)
-    }
-}
-
-/// A whole number, which may be written like 1e6.
-fn count(text: &str) -> Result<usize, String> {
-    match text.parse::<f64>() {
-        Ok(n) if (1.0..=4e9).contains(&n) && n.fract() == 0.0 => Ok(n as usize),
-        _ => Err("expected a whole number from 1 to 4e9, such as 100000 or 1e5".into()),
     }
 }

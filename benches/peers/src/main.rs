@@ -9,12 +9,8 @@
 //! registries' builds are.
 
 mod args;
-#[path = "../../../examples/scaling/clouds.rs"]
-mod clouds;
 mod ferreus;
 mod problem;
-#[path = "../../../examples/scaling/remembered.rs"]
-mod remembered;
 mod rival;
 
 use std::env;
@@ -25,15 +21,16 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 use std::time::Instant;
 
-use clap::{Parser, ValueEnum};
+use clap::Parser;
 use farfield::{Fmm, direct};
+use farfield_benches::cli::name;
+use farfield_benches::clouds::{self, Cloud};
+use farfield_benches::operators::forget_operators;
 use farfield_potentials::InverseDistance;
 use glam::DVec3;
 
 use args::Args;
-use clouds::Cloud;
 use problem::Problem;
-use remembered::forget_operators;
 use rival::Verdict;
 
 /// One sum and what it took, in seconds.
@@ -120,8 +117,7 @@ fn compare(args: &Args) -> Result<(), Box<dyn Error>> {
             let folder = args.out.join("data");
             problem.write(&folder)?;
             for &tolerance in &args.tolerances {
-                let cloud =
-                    cloud.to_possible_value().map_or(String::new(), |v| v.get_name().into());
+                let cloud = name(cloud);
                 let head = format!("{cloud:<8}{n:>9}{tolerance:>7.0e}");
                 let mut note = |who: &str, trial: &Trial| {
                     // Writing to a string can't fail.

@@ -147,24 +147,11 @@ impl<T: Real> Harmonic<T> {
         turns + exchanges + shifts
     }
 
-    /// The leaf size at which the pairs with 27 neighbours, `pair_seconds` each, cost as much as M2L of
-    /// `columns` sets of terms. O(p²).
-    ///
-    /// ```
-    /// use farfield_potentials::harmonic::Harmonic;
-    ///
-    /// let harmonic = Harmonic::<f64>::new(0.5, 8)?;
-    /// assert_eq!(harmonic.leaf_size(4, 1e-9), harmonic.leaf_size(1, 0.25e-9));
-    /// assert!(harmonic.leaf_size(1, 1e-9) > harmonic.leaf_size(1, 1e-8));
-    /// # Ok::<(), farfield::Error>(())
-    /// ```
-    pub fn leaf_size(&self, columns: usize, pair_seconds: f64) -> usize {
-        // A cell of s points is worth splitting into eight if 27 s² pairs take longer than 27 s²/8 pairs
-        // and the M2L of eight cells, 8/7 of it with the share of the cells above.
+    /// Seconds of one core that M2L takes for a leaf and its share of the cells above, with a full
+    /// interaction list: 8/7 of that of 189 pairs of cells.
+    pub fn leaf_seconds(&self, columns: usize) -> f64 {
         let work = (columns * self.m2l_work()) as f64;
-        let m2l = 189.0 * 8.0 / 7.0 * work * MULTIPLY_ADD_SECONDS;
-        let largest = (8.0 * m2l / (27.0 * pair_seconds)).sqrt();
-        (largest as usize).clamp(16, 2048)
+        189.0 * 8.0 / 7.0 * work * MULTIPLY_ADD_SECONDS
     }
 
     /// The terms in their order of storage.

@@ -9,15 +9,15 @@
 //! Code with wide registers must be inlined into the function that `pulp` compiles for the machine.
 //! Hence `#[inline(always)]` throughout, and loops where closures on arrays would be shorter.
 //!
-//! The loop is for blocks of ordinary coordinates and of charges that are plain numbers. It declines
+//! The loop is for blocks of ordinary coordinates and of charges of up to four numbers. It declines
 //! any other, which [`PowerLaw`](crate::PowerLaw) sums pair by pair.
 
 use std::marker::PhantomData;
 
-use farfield::{Linear, Outcome, Point, Real, Vector};
-use pulp::{Arch, Simd, WithSimd};
+use farfield::{Numbers, Outcome, Point, Real, Vector, dispatch};
+use pulp::{Simd, WithSimd};
 
-use crate::columns::{columns, from_columns, same, to_columns};
+use crate::columns::{from_columns, same, to_columns};
 use crate::exponent::Exponent;
 use crate::law::{Law, slope};
 use crate::output::Output;
@@ -28,7 +28,7 @@ use crate::registers::Registers;
 /// `F` is the same precision as `T`, but known by name.
 pub(crate) struct Block<'a, E, F, T: Real, C, O: Output<T, C>>
 where
-    C: Linear<T>,
+    C: Numbers<Real = T>,
 {
     pub(crate) xs: &'a [Point<T>],
     pub(crate) ys: &'a [Point<T>],
@@ -43,7 +43,7 @@ where
     E: Exponent,
     F: Reciprocal,
     T: Real,
-    C: Linear<T>,
+    C: Numbers<Real = T>,
     O: Output<T, C>,
 {
     type Output = Outcome;
@@ -54,11 +54,11 @@ where
             return Outcome::Declined;
         }
         let Some(law) = Law::of::<E>() else { return Outcome::Declined };
-        match columns::<T, C>() {
-            Some(1) => self.sum::<S, 1>(simd, law),
-            Some(2) => self.sum::<S, 2>(simd, law),
-            Some(3) => self.sum::<S, 3>(simd, law),
-            Some(4) => self.sum::<S, 4>(simd, law),
+        match C::LEN {
+            1 => self.sum::<S, 1>(simd, law),
+            2 => self.sum::<S, 2>(simd, law),
+            3 => self.sum::<S, 3>(simd, law),
+            4 => self.sum::<S, 4>(simd, law),
             _ => return Outcome::Declined,
         }
         Outcome::Done
@@ -70,19 +70,19 @@ where
     E: Exponent,
     F: Reciprocal,
     T: Real,
-    C: Linear<T>,
+    C: Numbers<Real = T>,
     O: Output<T, C>,
 {
     /// Adds the block, or declines it, with the best instructions that the machine has.
     pub(crate) fn run(self) -> Outcome {
-        Arch::new().dispatch(self)
+        dispatch(self)
     }
 
     /// The block for charges of `N` columns.
     #[inline(always)]
     fn sum<S: Simd, const N: usize>(self, simd: S, law: Law) {
         // Decided per type, so that only the one loop that fits a charge is compiled.
-        if const { size_of::<C>() == N * size_of::<T>() } {
+        if const { C::LEN == N } {
             // What rounding hides is always enough: then the loops for more digits aren't compiled.
             let hidden = F::epsilon().as_f64() / 8.0;
             let enough = |digits| {
@@ -144,7 +144,7 @@ fn group<S, E, F, T, C, O, const G: usize, const N: usize>(
     E: Exponent,
     F: Reciprocal,
     T: Real,
-    C: Linear<T>,
+    C: Numbers<Real = T>,
     O: Output<T, C>,
 {
     let zero = F::splat(simd, F::from_f64(0.0));
@@ -168,7 +168,7 @@ fn group<S, E, F, T, C, O, const G: usize, const N: usize>(
     for (y, q) in ys.iter().zip(qs) {
         let [y0, y1, y2] = y.to_array();
         let y = [F::splat(simd, same(y0)), F::splat(simd, same(y1)), F::splat(simd, same(y2))];
-        let columns = to_columns::<T, C, F, N>(q);
+        let columns = to_columns::<C, F, N>(q);
         let mut q = [zero; N];
         for n in 0..N {
             q[n] = F::splat(simd, columns[n]);
@@ -212,13 +212,13 @@ fn group<S, E, F, T, C, O, const G: usize, const N: usize>(
             }
         }
         for (i, u) in us.iter_mut().enumerate() {
-            let mut gradient = [C::zero(); 3];
+            let mut gradient: [C; 3] = Numbers::zero();
             if O::GRADIENT {
                 for c in 0..3 {
-                    gradient[c] = from_columns::<T, C, F, N, LANES>(&slopes[c], i);
+                    gradient[c] = from_columns::<C, F, N, LANES>(&slopes[c], i);
                 }
             }
-            O::add(u, &from_columns::<T, C, F, N, LANES>(&sums, i), &gradient);
+            O::add(u, &from_columns::<C, F, N, LANES>(&sums, i), &gradient);
         }
     }
 }
@@ -270,26 +270,7 @@ mod tests {
     use super::*;
     use crate::exponent::{MinusFour, MinusOne, MinusTwo, PlusTwo};
     use crate::output::{PotentialGradient, WithGradient};
-    use farfield::Additive;
-
-    /// Runs a block at a dispatch level, if the machine has it: portable, AVX2, AVX-512.
-    fn at_level<E, F, T, C, O>(level: usize, block: Block<'_, E, F, T, C, O>) -> Option<Outcome>
-    where
-        E: Exponent,
-        F: Reciprocal,
-        T: Real,
-        C: Linear<T>,
-        O: Output<T, C>,
-    {
-        match level {
-            0 => Some(Simd::vectorize(pulp::Scalar, block)),
-            #[cfg(target_arch = "x86_64")]
-            1 => pulp::x86::V3::try_new().map(|machine| Simd::vectorize(machine, block)),
-            #[cfg(target_arch = "x86_64")]
-            2 => pulp::x86::V4::try_new().map(|machine| Simd::vectorize(machine, block)),
-            _ => None,
-        }
-    }
+    use farfield::{DispatchLevel, Numbers};
 
     fn points<T: Real>(n: usize, shift: f64) -> Vec<Point<T>> {
         let fraction = |i: usize, step: f64| T::from_f64((i as f64 * step + shift).fract() - 0.5);
@@ -314,22 +295,22 @@ mod tests {
 
     /// The worst error of a block, beyond rounding, relative to Σ|K q| and Σ|∇K q|.
     fn worst<E: Exponent, F: Reciprocal, T: Real>(
-        level: usize,
+        level: DispatchLevel,
         tolerance: f64,
         (xs, ys): (&[Point<T>], &[Point<T>]),
-    ) -> Option<f64> {
+    ) -> f64 {
         let qs: Vec<T> = (0..ys.len()).map(|j| T::from_f64((j as f64).cos())).collect();
         let pairs: Vec<[T; 2]> = qs.iter().map(|&q| [T::from_f64(1.0), q]).collect();
         let types = PhantomData;
-        let mut single = vec![<T as Additive>::zero(); xs.len()];
+        let mut single = vec![<T as Numbers>::zero(); xs.len()];
         let us = &mut single[..];
         let block = Block::<E, F, T, T, crate::Potential> { xs, ys, qs: &qs, tolerance, us, types };
-        assert_eq!(at_level(level, block)?, Outcome::Done);
+        assert_eq!(level.run(block), Outcome::Done);
         let mut double = vec![PotentialGradient::<[T; 2]>::zero(); xs.len()];
         let us = &mut double[..];
         let block =
             Block::<E, F, T, [T; 2], WithGradient> { xs, ys, qs: &pairs, tolerance, us, types };
-        assert_eq!(at_level(level, block)?, Outcome::Done);
+        assert_eq!(level.run(block), Outcome::Done);
 
         let mut worst = 0.0;
         for ((x, single), double) in xs.iter().zip(single).zip(double) {
@@ -353,7 +334,7 @@ mod tests {
                 compare(component[1], *sum, scale[1]);
             }
         }
-        Some(worst)
+        worst
     }
 
     fn check<E: Exponent, F: Reciprocal, T: Real>() {
@@ -361,15 +342,15 @@ mod tests {
         for j in (0..50).step_by(7) {
             ys[j] = xs[j + 3];
         }
-        for level in 0..3 {
+        for level in DispatchLevel::available() {
             for tolerance in [0.0, 1e-12, 1e-9, 1e-7, 1e-6, 2e-4, 1e-3] {
                 for n in 1..=xs.len() {
                     for m in [0, 1, 2, 50] {
                         let sets = (&xs[..n], &ys[..m]);
-                        let Some(error) = worst::<E, F, T>(level, tolerance, sets) else { break };
+                        let error = worst::<E, F, T>(level, tolerance, sets);
                         assert!(
                             error <= tolerance,
-                            "r^{}, level {level}, {n} targets, {m} sources: {error:e} > {tolerance:e}",
+                            "r^{}, {level}, {n} targets, {m} sources: {error:e} > {tolerance:e}",
                             -2.0 * E::LAMBDA
                         );
                     }
@@ -390,11 +371,10 @@ mod tests {
     #[test]
     fn fewer_digits_are_made_use_of() {
         let sets = (&points::<f64>(9, 0.0)[..], &points::<f64>(7, 0.3)[..]);
-        for level in 1..3 {
+        for level in DispatchLevel::available().filter(|&level| level >= DispatchLevel::Avx2) {
             let error = |tolerance| worst::<MinusOne, f64, f64>(level, tolerance, sets);
-            if let (Some(few), Some(half)) = (error(1e-3), error(1e-6)) {
-                assert!(few > 1e-7 && half > 1e-12, "level {level}: {few:e}, {half:e}");
-            }
+            let (few, half) = (error(1e-3), error(1e-6));
+            assert!(few > 1e-7 && half > 1e-12, "{level}: {few:e}, {half:e}");
         }
     }
 
@@ -427,47 +407,38 @@ mod tests {
     fn blocks_with_extreme_distances_are_declined() {
         let at = |c: f64| [glam::DVec3::new(0.0, c, 0.0)];
         let near = |c: f64| [glam::Vec3::new(0.0, 1.0, c as f32)];
-        for level in 0..3 {
+        for level in DispatchLevel::available() {
             let f64s = |x: f64, y: f64| {
                 let (xs, ys, us) = (&at(x), &at(y), &mut [0.0]);
                 let types = PhantomData;
-                at_level(
-                    level,
-                    Block::<MinusOne, f64, f64, f64, crate::Potential> {
-                        xs,
-                        ys,
-                        qs: &[1.0],
-                        tolerance: 0.0,
-                        us,
-                        types,
-                    },
-                )
+                level.run(Block::<MinusOne, f64, f64, f64, crate::Potential> {
+                    xs,
+                    ys,
+                    qs: &[1.0],
+                    tolerance: 0.0,
+                    us,
+                    types,
+                })
             };
             let f32s = |x: f64, y: f64| {
                 let (xs, ys, us) = (&near(x), &near(y), &mut [0.0]);
                 let types = PhantomData;
-                at_level(
-                    level,
-                    Block::<MinusOne, f32, f32, f32, crate::Potential> {
-                        xs,
-                        ys,
-                        qs: &[1.0],
-                        tolerance: 0.0,
-                        us,
-                        types,
-                    },
-                )
+                level.run(Block::<MinusOne, f32, f32, f32, crate::Potential> {
+                    xs,
+                    ys,
+                    qs: &[1.0],
+                    tolerance: 0.0,
+                    us,
+                    types,
+                })
             };
-            if f64s(0.0, 1.0).is_none() {
-                continue;
-            }
-            assert_eq!(f64s(0.0, 1e-170), Some(Outcome::Declined));
-            assert_eq!(f64s(0.0, 1e60), Some(Outcome::Declined));
-            assert_eq!(f64s(0.0, f64::NAN), Some(Outcome::Declined));
-            assert_eq!(f64s(1e-40, -1e-40), Some(Outcome::Done));
-            assert_eq!(f32s(1e-20, 0.0), Some(Outcome::Declined));
-            assert_eq!(f32s(1e-20, 1e-20), Some(Outcome::Done));
-            assert_eq!(f32s(1e-20, 1.0), Some(Outcome::Done));
+            assert_eq!(f64s(0.0, 1e-170), Outcome::Declined);
+            assert_eq!(f64s(0.0, 1e60), Outcome::Declined);
+            assert_eq!(f64s(0.0, f64::NAN), Outcome::Declined);
+            assert_eq!(f64s(1e-40, -1e-40), Outcome::Done);
+            assert_eq!(f32s(1e-20, 0.0), Outcome::Declined);
+            assert_eq!(f32s(1e-20, 1e-20), Outcome::Done);
+            assert_eq!(f32s(1e-20, 1.0), Outcome::Done);
         }
     }
 }

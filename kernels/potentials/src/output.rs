@@ -1,11 +1,11 @@
 //! What a target receives: a potential, or a potential and its gradient.
 
-use farfield::{Additive, Linear, Real};
+use farfield::{Numbers, Real, Scalar};
 
 /// What a target receives from a power law.
-pub trait Output<T: Real, C: Linear<T>>: Send + Sync + 'static {
+pub trait Output<T: Real, C: Numbers<Real = T>>: Send + Sync + 'static {
     /// The type of it.
-    type Value: Linear<T>;
+    type Value: Numbers<Real = T>;
     /// Whether the gradient is part of it.
     const GRADIENT: bool;
     /// Adds a potential and, if it is part of the value, its gradient.
@@ -20,7 +20,7 @@ pub struct Potential;
 #[derive(Clone, Copy, Debug, Default)]
 pub struct WithGradient;
 
-impl<T: Real, C: Linear<T>> Output<T, C> for Potential {
+impl<T: Real, C: Numbers<Real = T>> Output<T, C> for Potential {
     type Value = C;
     const GRADIENT: bool = false;
 
@@ -30,7 +30,7 @@ impl<T: Real, C: Linear<T>> Output<T, C> for Potential {
     }
 }
 
-impl<T: Real, C: Linear<T>> Output<T, C> for WithGradient {
+impl<T: Real, C: Numbers<Real = T>> Output<T, C> for WithGradient {
     type Value = PotentialGradient<C>;
     const GRADIENT: bool = true;
 
@@ -50,35 +50,31 @@ pub struct PotentialGradient<C> {
     pub gradient: [C; 3],
 }
 
-impl<C: Additive> Additive for PotentialGradient<C> {
+impl<C: Numbers> Numbers for PotentialGradient<C> {
+    type Real = C::Real;
+    const LEN: usize = 4 * C::LEN;
+
     #[inline(always)]
     fn zero() -> Self {
-        Self { potential: C::zero(), gradient: Additive::zero() }
+        Self { potential: C::zero(), gradient: Numbers::zero() }
     }
-    #[inline(always)]
-    fn accumulate(&mut self, other: &Self) {
-        self.potential.accumulate(&other.potential);
-        self.gradient.accumulate(&other.gradient);
-    }
-    #[inline(always)]
-    fn subtract(&mut self, other: &Self) {
-        self.potential.subtract(&other.potential);
-        self.gradient.subtract(&other.gradient);
-    }
-    #[inline(always)]
-    fn is_finite(&self) -> bool {
-        self.potential.is_finite() && self.gradient.is_finite()
-    }
-    #[inline(always)]
-    fn norm(&self) -> f64 {
-        let [x, y, z] = self.gradient;
-        [self.potential, x, y, z].norm()
-    }
-}
 
-impl<S: Copy, C: Linear<S>> Linear<S> for PotentialGradient<C> {
     #[inline(always)]
-    fn add_scaled(&mut self, scale: S, other: &Self) {
+    fn get(&self, index: usize) -> C::Real {
+        if index < C::LEN { self.potential.get(index) } else { self.gradient.get(index - C::LEN) }
+    }
+
+    #[inline(always)]
+    fn set(&mut self, index: usize, number: C::Real) {
+        if index < C::LEN {
+            self.potential.set(index, number);
+        } else {
+            self.gradient.set(index - C::LEN, number);
+        }
+    }
+
+    #[inline(always)]
+    fn add_scaled<S: Scalar<Real = C::Real>>(&mut self, scale: S, other: &Self) {
         self.potential.add_scaled(scale, &other.potential);
         self.gradient.add_scaled(scale, &other.gradient);
     }

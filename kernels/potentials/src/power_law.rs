@@ -3,7 +3,7 @@
 use std::fmt;
 use std::marker::PhantomData;
 
-use farfield::{Columns, Kernel, Linear, Outcome, Point, PointKernel, Real, Vector};
+use farfield::{Kernel, Numbers, Outcome, Point, Real, Vector};
 
 use crate::exponent::{Exponent, MinusFour, MinusOne, MinusTwo, PlusTwo};
 use crate::near_field::Block;
@@ -74,18 +74,13 @@ impl<E: Exponent, T, C, O> fmt::Debug for PowerLaw<E, T, C, O> {
     }
 }
 
-impl<E: Exponent, T: Real, C: Linear<T>, O: Output<T, C>> Kernel for PowerLaw<E, T, C, O> {
+impl<E: Exponent, T: Real, C: Numbers<Real = T>, O: Output<T, C>> Kernel for PowerLaw<E, T, C, O> {
     type Real = T;
     type Source = Point<T>;
     type Target = Point<T>;
     type Charge = C;
     type Value = O::Value;
-
-    #[inline]
-    fn add(&self, x: &Point<T>, y: &Point<T>, q: &C, u: &mut O::Value) {
-        let (k, gradient) = evaluate::<E, T>(*x, *y);
-        O::add(u, &scaled(k, q), &gradient.map(|component| scaled(component, q)));
-    }
+    type Entry = T;
 
     fn add_block(
         &self,
@@ -106,22 +101,20 @@ impl<E: Exponent, T: Real, C: Linear<T>, O: Output<T, C>> Kernel for PowerLaw<E,
         if outcome == Outcome::Declined {
             for (x, u) in xs.iter().zip(us) {
                 for (y, q) in ys.iter().zip(qs) {
-                    self.add(x, y, q, u);
+                    let (k, gradient) = evaluate::<E, T>(*x, *y);
+                    O::add(u, &scaled(k, q), &gradient.map(|component| scaled(component, q)));
                 }
             }
         }
     }
-}
-
-impl<E: Exponent, T: Real, C: Columns<T>, O: Output<T, C>> PointKernel for PowerLaw<E, T, C, O> {
-    type Entry = T;
-    type Column = C;
-    const DENSITIES: usize = 1;
-    const FIELDS: usize = 1;
-    const GRADIENT: bool = O::GRADIENT;
 
     fn entries(&self, x: Point<T>, y: Point<T>, g: &mut [T]) {
         g[0] = evaluate::<E, T>(x, y).0;
+    }
+
+    #[inline(always)]
+    fn needs_gradients(&self) -> bool {
+        O::GRADIENT
     }
 
     fn entry_gradients(&self, x: Point<T>, y: Point<T>, g: &mut [[T; 3]]) -> Outcome {
@@ -129,13 +122,17 @@ impl<E: Exponent, T: Real, C: Columns<T>, O: Output<T, C>> PointKernel for Power
         Outcome::Done
     }
 
-    fn density(&self, _y: &Point<T>, q: &C, d: &mut [C]) {
-        d[0] = *q;
-    }
-
-    fn value(&self, _x: &Point<T>, fields: &[C], gradients: &[[C; 3]], u: &mut O::Value) {
-        let none = [C::zero(); 3];
-        O::add(u, &fields[0], gradients.first().unwrap_or(&none));
+    fn value(&self, _x: &Point<T>, fields: &[T], gradients: &[[T; 3]], u: &mut O::Value) {
+        let (mut potential, mut gradient): (C, [C; 3]) = (C::zero(), Numbers::zero());
+        for (k, &field) in fields.iter().enumerate() {
+            potential.set(k, field);
+        }
+        for (k, slope) in gradients.iter().enumerate() {
+            for (component, &slope) in gradient.iter_mut().zip(slope) {
+                component.set(k, slope);
+            }
+        }
+        O::add(u, &potential, &gradient);
     }
 }
 
@@ -180,7 +177,7 @@ fn is_ordinary<T: Real>(r2: T) -> bool {
 }
 
 #[inline(always)]
-fn scaled<T: Real, C: Linear<T>>(scale: T, q: &C) -> C {
+fn scaled<T: Real, C: Numbers<Real = T>>(scale: T, q: &C) -> C {
     let mut product = C::zero();
     product.add_scaled(scale, q);
     product
@@ -189,8 +186,9 @@ fn scaled<T: Real, C: Linear<T>>(scale: T, q: &C) -> C {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::output::PotentialGradient;
     use approx::assert_relative_eq;
-    use farfield::{Additive, direct, relative_l2_error};
+    use farfield::{Numbers, direct, relative_l2_error};
     use glam::{DVec3, Vec3};
 
     fn points(n: usize, seed: f64) -> Vec<DVec3> {
@@ -205,10 +203,19 @@ mod tests {
     fn values_of_all_four() {
         let (x, y, q) = ([DVec3::new(1.0, 2.0, 4.0)], [DVec3::new(-1.0, 1.0, 2.0)], [2.0]);
         // r = 3
-        assert_relative_eq!(direct(&InverseDistance::<f64>::new(), &y, &q, &x)[0], 2.0 / 3.0);
-        assert_relative_eq!(direct(&InverseSquare::<f64>::new(), &y, &q, &x)[0], 2.0 / 9.0);
-        assert_relative_eq!(direct(&InverseFourth::<f64>::new(), &y, &q, &x)[0], 2.0 / 81.0);
-        assert_relative_eq!(direct(&SquaredDistance::<f64>::new(), &y, &q, &x)[0], 18.0);
+        assert_relative_eq!(
+            direct(&InverseDistance::<f64>::new(), &y, &q, &x).unwrap()[0],
+            2.0 / 3.0
+        );
+        assert_relative_eq!(
+            direct(&InverseSquare::<f64>::new(), &y, &q, &x).unwrap()[0],
+            2.0 / 9.0
+        );
+        assert_relative_eq!(
+            direct(&InverseFourth::<f64>::new(), &y, &q, &x).unwrap()[0],
+            2.0 / 81.0
+        );
+        assert_relative_eq!(direct(&SquaredDistance::<f64>::new(), &y, &q, &x).unwrap()[0], 18.0);
     }
 
     #[test]
@@ -237,12 +244,17 @@ mod tests {
             xs[18] = ys[0] + DVec3::X * 1e-160;
             let qs: Vec<_> = points(23, 0.7).into_iter().map(|p| p.to_array()).collect();
             let kernel = PowerLaw::<E, f64>::new().columns::<[f64; 3]>().with_gradient();
-            let mut block = vec![Additive::zero(); xs.len()];
+            let mut block = vec![Numbers::zero(); xs.len()];
             kernel.add_block(&xs, &ys, &qs, 0.0, &mut block);
-            let mut pairs = vec![Additive::zero(); xs.len()];
+            let mut pairs: Vec<PotentialGradient<[f64; 3]>> = vec![Numbers::zero(); xs.len()];
             for (x, u) in xs.iter().zip(&mut pairs) {
                 for (y, q) in ys.iter().zip(&qs) {
-                    kernel.add(x, y, q, u);
+                    let (k, gradient) = evaluate::<E, f64>(*x, *y);
+                    let [a, b, c] = gradient.map(|component| scaled(component, q));
+                    u.accumulate(&PotentialGradient {
+                        potential: scaled(k, q),
+                        gradient: [a, b, c],
+                    });
                 }
             }
             assert!(relative_l2_error(&block, &pairs) < 1e-15);
@@ -257,7 +269,7 @@ mod tests {
     fn coincident_points_contribute_nothing() {
         let at = [DVec3::ONE];
         let kernel = InverseFourth::<f64>::new().with_gradient();
-        assert_eq!(direct(&kernel, &at, &[1.0], &at)[0], Default::default());
+        assert_eq!(direct(&kernel, &at, &[1.0], &at).unwrap()[0], Default::default());
         let mut entry = [1.0];
         InverseDistance::<f64>::new().entries(at[0], at[0], &mut entry);
         assert_eq!(entry, [0.0]);
@@ -267,15 +279,15 @@ mod tests {
     fn extreme_distances_keep_their_digits() {
         for r in [1e-300, 1e-200, 1e-155, 1e155, 1e300] {
             let x = [DVec3::new(0.6, 0.0, -0.8) * r];
-            let u = direct(&InverseDistance::<f64>::new(), &[DVec3::ZERO], &[1.0], &x)[0];
+            let u = direct(&InverseDistance::<f64>::new(), &[DVec3::ZERO], &[1.0], &x).unwrap()[0];
             assert_relative_eq!(u, 1.0 / r, max_relative = 1e-14);
         }
         let x = [Vec3::new(0.0, 1e-9, 0.0)];
-        let u = direct(&InverseFourth::<f32>::new(), &[Vec3::ZERO], &[1e-3], &x)[0];
+        let u = direct(&InverseFourth::<f32>::new(), &[Vec3::ZERO], &[1e-3], &x).unwrap()[0];
         assert_relative_eq!(u, 1e33, max_relative = 1e-5);
         let kernel = InverseDistance::<f32>::new().with_gradient();
         let x = [Vec3::new(0.0, 0.0, 1e-18)];
-        let u = direct(&kernel, &[Vec3::ZERO], &[1.0], &x)[0];
+        let u = direct(&kernel, &[Vec3::ZERO], &[1.0], &x).unwrap()[0];
         assert_relative_eq!(u.gradient[2], -1e36, max_relative = 1e-5);
     }
 }

@@ -235,7 +235,8 @@ const BINOMIAL: [f64; 6] = [1.0, 1.0 / 2.0, 3.0 / 8.0, 5.0 / 16.0, 35.0 / 128.0,
 #[cfg(test)]
 mod tests {
     use super::*;
-    use pulp::{Scalar, WithSimd};
+    use farfield::DispatchLevel;
+    use pulp::WithSimd;
     use std::marker::PhantomData;
 
     /// The worst relative errors of 1/√x and 1/x, and their bounds.
@@ -274,14 +275,9 @@ mod tests {
     fn check<F: Reciprocal>() {
         for (digits, most) in [(Digits::Few, 4e-4), (Digits::Half, 3e-7), (Digits::All, 0.0)] {
             let worst = || Worst::<F>(digits, PhantomData);
-            let mut found = vec![Simd::vectorize(Scalar, worst())];
-            #[cfg(target_arch = "x86_64")]
-            {
-                found.extend(V3::try_new().map(|machine| Simd::vectorize(machine, worst())));
-                found.extend(V4::try_new().map(|machine| Simd::vectorize(machine, worst())));
-            }
+            let found = DispatchLevel::available().map(|level| level.run(worst()));
             let rounding = F::epsilon().as_f64();
-            for (error, bound) in found.into_iter().flatten() {
+            for (error, bound) in found.flatten() {
                 assert!(error <= bound + rounding, "{digits:?}: {error:e} > {bound:e}");
                 assert!(bound <= most + rounding / 2.0, "{digits:?}: {bound:e}");
                 assert!(bound < rounding || bound < 4.0 * error, "{digits:?}: {error:e} {bound:e}");

@@ -3,7 +3,7 @@
 use std::convert::Infallible;
 
 /// Every way in which this crate refuses an input or gives up on a solution.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[derive(Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
     /// A surfel's position has a coordinate that is NaN or infinite.
@@ -156,6 +156,23 @@ pub enum Error {
         /// The residual that was to be reached.
         tolerance: f64,
     },
+    /// A solver got no further before it reached its tolerance: the tolerance asks for more digits than
+    /// the sums have.
+    #[error(
+        "the radiosity equation stagnated: the relative residual {residual:e} was not improved on until \
+         iteration {iterations}; expected {tolerance:e} or less, but rounding of the sums may leave \
+         {floor:e}"
+    )]
+    Stagnated {
+        /// Iterations made.
+        iterations: usize,
+        /// The least relative residual reached.
+        residual: f64,
+        /// The residual that was to be reached.
+        tolerance: f64,
+        /// The residual that rounding may leave: no smaller tolerance is met for certain.
+        floor: f64,
+    },
     /// The engine's refusal of a sum.
     #[error(transparent)]
     Sum(#[from] farfield::Error),
@@ -165,4 +182,9 @@ impl From<Infallible> for Error {
     fn from(never: Infallible) -> Self {
         match never {}
     }
+}
+
+/// Whether an input has one entry for each surfel.
+pub(crate) fn check_length(what: &'static str, found: usize, expected: usize) -> Result<(), Error> {
+    if found == expected { Ok(()) } else { Err(Error::LengthMismatch { what, expected, found }) }
 }

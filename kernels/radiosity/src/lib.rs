@@ -25,54 +25,28 @@
 //! # Ok::<(), farfield_radiosity::Error>(())
 //! ```
 
-mod asked;
-mod bicgstab;
-mod bounds;
-mod bvh;
-mod conjugate;
-mod contour;
-mod corrections;
-mod cut;
-mod element;
+// Each module imports only from those above it.
 mod error;
-mod exchange;
-mod facet;
-mod facing;
-mod kernel;
-mod near_field;
-mod neighbours;
+mod numbers;
+mod elements;
+mod occlusion;
+mod form_factors;
+mod expansion;
+mod masks;
 mod operator;
-mod packet;
-mod patch;
-mod quadrature;
-mod sampling;
-mod scene;
-mod shaft;
-mod sixteen_moment;
-mod solve;
-mod surfel;
-mod tally;
-mod visibility;
-mod wall;
-mod watch;
+mod solvers;
 
-pub use bicgstab::bicgstab;
-pub use bvh::{Hit, Occluders};
-pub use conjugate::conjugate_gradients;
-pub use corrections::{Corrections, Zones};
-pub use element::Element;
-pub use error::Error;
-pub use exchange::exchange_area;
-pub use facet::Triangle;
-pub use facing::Facing;
-pub use kernel::Irradiance;
-pub use operator::{Closure, Enclosure, RadiosityOperator};
-pub use patch::Patch;
-pub use scene::{
-    Scene, furnace, quad_pieces, quad_surfels, quad_triangles, sphere_interior, two_rooms,
+pub use elements::{
+    Element, Patch, Projections, Scene, Surfel, Triangle, check_emission, check_reflectance,
+    check_surfels, furnace, quad_pieces, quad_surfels, quad_triangles, sphere_interior, two_rooms,
 };
-pub use sixteen_moment::SixteenMoment;
-pub use solve::{EnergyBalance, Solution, Stop, energy_balance, jacobi, southwell};
-pub use surfel::{Projections, Surfel, check_emission, check_reflectance, check_surfels};
-pub use visibility::{PairCounts, Visibility};
-pub use watch::Report;
+pub use error::Error;
+pub use expansion::{Irradiance, SixteenMoment};
+pub use form_factors::{Corrections, Zones, exchange_area};
+pub use masks::{Facing, PairCounts, Visibility};
+pub use occlusion::{Hit, Occluders};
+pub use operator::{Closure, Enclosure, RadiosityOperator};
+pub use solvers::{
+    EnergyBalance, Report, Solution, Stop, bicgstab, conjugate_gradients, energy_balance, jacobi,
+    southwell,
+};

@@ -1,6 +1,6 @@
 //! M2L of a whole level: many translations by equal vectors at once.
 
-use farfield::{Additive, LevelPairs, Linear, Point, Real, Vector};
+use farfield::{LevelPairs, Numbers, Point, Real, Vector};
 use rayon::prelude::*;
 
 use super::{Harmonic, Scratch};
@@ -12,7 +12,7 @@ const LARGEST_CHUNK: usize = 128;
 
 impl<T: Real> Harmonic<T> {
     /// All M2L translations of one level; each target cell's sum is the same for any number of threads.
-    pub fn m2l_level<C: Linear<T>>(
+    pub fn m2l_level<C: Numbers<Real = T>>(
         &self,
         level: &LevelPairs<'_, T>,
         multipoles: &[C],
@@ -32,7 +32,7 @@ impl<T: Real> Harmonic<T> {
 
     /// M2L with pairs of the same offset side by side as columns of one translation, `LANES` at a
     /// time. A target's sum runs over its offsets in ascending order, whatever its batches hold.
-    fn m2l_batches<C: Linear<T>, const LANES: usize>(
+    fn m2l_batches<C: Numbers<Real = T>, const LANES: usize>(
         &self,
         level: &LevelPairs<'_, T>,
         multipoles: &[C],
@@ -56,10 +56,10 @@ impl<T: Real> Harmonic<T> {
                     for batch in same.chunks(LANES) {
                         for (lane, &(_, _, s)) in batch.iter().enumerate() {
                             for (from, term) in from.iter_mut().zip(&multipoles[s * len..]) {
-                                from[lane] = *term;
+                                from[lane] = term.clone();
                             }
                         }
-                        to.fill(Additive::zero());
+                        to.fill(Numbers::zero());
                         self.m2l(shift, from, to, scratch);
                         for (lane, &(_, t, _)) in batch.iter().enumerate() {
                             for (term, to) in locals[t * len..].iter_mut().zip(to.iter()) {

@@ -4,7 +4,7 @@
 //! between two exchanges, R_y(−θ) = P R_z(θ) P, and one about z only mixes ±m: no matrix depends on
 //! an angle (Pinchon and Hoggan 2007). Parity in y and z leaves one entry in four of J^l.
 
-use farfield::{Linear, Real};
+use farfield::{Numbers, Real};
 
 use super::solid::{cosine, runs, sine};
 
@@ -30,7 +30,7 @@ impl<T: Real> AxisSwap<T> {
     }
 
     /// `to` = J^l `from`, for the 2l + 1 terms of one shell.
-    pub(super) fn apply<C: Linear<T>>(&self, l: usize, from: &[C], to: &mut [C]) {
+    pub(super) fn apply<C: Numbers<Real = T>>(&self, l: usize, from: &[C], to: &mut [C]) {
         let [a, b, _, _] = runs(l);
         let blocks = &self.degrees[l];
         let (from_even, from) = from.split_at(a);
@@ -47,7 +47,7 @@ impl<T: Real> AxisSwap<T> {
 }
 
 /// `to` = A `from`, A stored row after row.
-pub(super) fn product<T: Real, C: Linear<T>>(a: &[T], from: &[C], to: &mut [C]) {
+pub(super) fn product<T: Real, C: Numbers<Real = T>>(a: &[T], from: &[C], to: &mut [C]) {
     if from.is_empty() {
         return;
     }

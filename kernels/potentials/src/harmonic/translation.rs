@@ -4,7 +4,7 @@
 //! z and P the exchange of y and z. Work per translation: O(p³) for λ = ½; otherwise O(p⁴) for the
 //! turns and p⁵/40 for the shift along z, which is less than the turns' up to p ≈ 16.
 
-use farfield::{Additive, Linear, Point, Real, Vector};
+use farfield::{Numbers, Point, Real, Vector};
 
 use super::basis::powers;
 use super::shift::{AxialShell, AxialShift};
@@ -19,7 +19,7 @@ pub struct Scratch<C> {
     columns: [Vec<C>; 2],
 }
 
-impl<C: Additive> Scratch<C> {
+impl<C: Numbers> Scratch<C> {
     /// Working memory for `harmonic` with terms of type `C`.
     pub fn new<T: Real>(harmonic: &Harmonic<T>) -> Self {
         let terms = vec![C::zero(); harmonic.len];
@@ -37,7 +37,7 @@ impl<T: Real> Harmonic<T> {
     ///
     /// # Panics
     /// If a length isn't [`len`](Self::len), or `scratch` is for another number of terms.
-    pub fn m2m<C: Linear<T>>(
+    pub fn m2m<C: Numbers<Real = T>>(
         &self,
         shift: Point<T>,
         scale: T,
@@ -71,7 +71,7 @@ impl<T: Real> Harmonic<T> {
     ///
     /// # Panics
     /// If a length isn't [`len`](Self::len), or `scratch` is for another number of terms.
-    pub fn l2l<C: Linear<T>>(
+    pub fn l2l<C: Numbers<Real = T>>(
         &self,
         shift: Point<T>,
         scale: T,
@@ -102,7 +102,7 @@ impl<T: Real> Harmonic<T> {
     ///
     /// # Panics
     /// If a length isn't [`len`](Self::len), or `scratch` is for another number of terms.
-    pub fn m2l<C: Linear<T>>(
+    pub fn m2l<C: Numbers<Real = T>>(
         &self,
         shift: Point<T>,
         from: &[C],
@@ -121,7 +121,7 @@ impl<T: Real> Harmonic<T> {
     /// Turns `from` so that the direction lies on z, applies `shift` to the terms of each m, turns
     /// back and adds to `to`. `factors` holds what terms of degree n are multiplied by, before and
     /// after.
-    fn translate<C: Linear<T>>(
+    fn translate<C: Numbers<Real = T>>(
         &self,
         direction: &Direction<T>,
         [before, after]: [[T; MAX_ORDER + 1]; 2],
@@ -149,11 +149,11 @@ impl<T: Real> Harmonic<T> {
             let positions: [fn(&AxialShell) -> usize; 2] = [|s| s.cosine, |s| s.sine];
             for position in &positions[..if axial.m == 0 { 1 } else { 2 }] {
                 for (entry, shell) in column.iter_mut().zip(&axial.shells) {
-                    *entry = b[position(shell)];
+                    *entry = b[position(shell)].clone();
                 }
                 shift(axial, column, shifted);
                 for (entry, shell) in shifted.iter().zip(&axial.shells) {
-                    a[position(shell)] = *entry;
+                    a[position(shell)] = entry.clone();
                 }
             }
         }
@@ -168,7 +168,7 @@ impl<T: Real> Harmonic<T> {
     }
 
     /// `to` = Z(±α) `from`, the terms as seen after a rotation about z, times `factors` by degree.
-    fn turn<C: Linear<T>>(
+    fn turn<C: Numbers<Real = T>>(
         &self,
         multiples: &[[T; 2]; MAX_ORDER + 1],
         sense: f64,
@@ -193,7 +193,7 @@ impl<T: Real> Harmonic<T> {
     }
 
     /// `to` = the terms `from` with the axes y and z exchanged.
-    fn exchange<C: Linear<T>>(&self, from: &[C], to: &mut [C]) {
+    fn exchange<C: Numbers<Real = T>>(&self, from: &[C], to: &mut [C]) {
         for shell in &self.shells {
             let terms = shell.start..shell.start + 2 * shell.l + 1;
             self.swap.apply(shell.l, &from[terms.clone()], &mut to[terms]);
@@ -203,7 +203,7 @@ impl<T: Real> Harmonic<T> {
 
 /// a x + b y
 #[inline(always)]
-fn combined<T: Real, C: Linear<T>>(a: T, x: &C, b: T, y: &C) -> C {
+fn combined<T: Real, C: Numbers<Real = T>>(a: T, x: &C, b: T, y: &C) -> C {
     let mut sum = C::zero();
     sum.add_scaled(a, x);
     sum.add_scaled(b, y);

@@ -110,7 +110,7 @@ fn inside_of_a_sphere() {
     let share = surfels[0].area / (4.0 * PI * radius * radius);
     let mut radiosity = vec![0.0; n];
     radiosity[17] = 1.0;
-    let received = direct(&Irradiance::<f64>::clamped(), &surfels, &radiosity, &surfels);
+    let received = direct(&Irradiance::<f64>::clamped(), &surfels, &radiosity, &surfels).unwrap();
     for factor in received.iter().enumerate().filter(|(i, _)| *i != 17).map(|(_, h)| h) {
         assert_relative_eq!(*factor, share, max_relative = 1e-12);
     }

@@ -50,9 +50,9 @@ fn operator<const BANDS: usize>(
     let mask = Visibility::new(&occluders);
     let kernel = Irradiance::<f64>::clamped();
     let row = |x| -> Vec<f64> {
-        let entry = |y| match Mask::<Irradiance<f64>>::pair(&mask, x, y) {
-            true => kernel.factor(x, y) * y.area,
-            false => 0.0,
+        let entry = |y| {
+            let visible = Mask::<Irradiance<f64>>::pair(&mask, x, y);
+            if visible { kernel.factor(x, y) * y.area } else { 0.0 }
         };
         scene.surfels.iter().map(entry).collect()
     };

@@ -1,0 +1,118 @@
+//! Form factors as a table: every row of the matrix above a cut-off, and what goes to the sky.
+
+use std::io::{self, Write};
+use std::ops::ControlFlow;
+
+use farfield::Mask;
+use farfield_radiosity::Irradiance;
+use rayon::prelude::*;
+
+use super::solve::Exchange;
+
+/// Rows that are computed before they are written.
+const ROWS: usize = 512;
+
+/// Writes a line `row,column,factor` for every form factor F_ij above `cut`, i and j counted from 0 in the
+/// order of the elements, and two more for each row: `rest`, the sum of those that are not listed, and
+/// `sky`, what arrives at no element. A row sums to 1. O(N²) pairs; `report` is told the fraction done and
+/// may end it. Returns the number of rows written.
+pub(crate) fn write<const BANDS: usize>(
+    file: &mut impl Write,
+    exchange: &Exchange<'_, BANDS>,
+    cut: f64,
+    report: impl Fn(f64) -> ControlFlow<()>,
+) -> io::Result<usize> {
+    writeln!(file, "row,column,factor")?;
+    let count = exchange.surfels.len();
+    for first in (0..count).step_by(ROWS) {
+        let rows = first..(first + ROWS).min(count);
+        let rows: Vec<Row> = rows.into_par_iter().map(|i| row(exchange, i, cut)).collect();
+        for (i, Row { listed, rest, sky }) in rows.iter().enumerate() {
+            let i = first + i;
+            for (j, factor) in listed {
+                writeln!(file, "{i},{j},{factor:.6e}")?;
+            }
+            writeln!(file, "{i},rest,{rest:.6e}\n{i},sky,{sky:.6e}")?;
+        }
+        let done = first + rows.len();
+        if report(done as f64 / count as f64).is_break() {
+            return Ok(done);
+        }
+    }
+    Ok(count)
+}
+
+/// One row of form factors.
+struct Row {
+    listed: Vec<(usize, f64)>,
+    rest: f64,
+    sky: f64,
+}
+
+/// F_ij = d_i (V_ij K_ij A_j + C_ij/A_i) d_j.
+fn row<const BANDS: usize>(exchange: &Exchange<'_, BANDS>, i: usize, cut: f64) -> Row {
+    let kernel = Irradiance::<f64>::clamped();
+    let receiver = &exchange.surfels[i];
+    let mut factors: Vec<(usize, f64)> = Vec::new();
+    for (j, source) in exchange.surfels.iter().enumerate() {
+        let factor = kernel.factor(receiver, source) * source.area;
+        if factor > 0.0 && Mask::<Irradiance<f64>>::pair(exchange.visibility, receiver, source) {
+            factors.push((j, factor));
+        }
+    }
+    // C is symmetric: its column by i, per unit area of the other, is its row.
+    for (j, value) in exchange.operator.corrections().column(i) {
+        let value = value * exchange.surfels[j].area / receiver.area;
+        match factors.binary_search_by_key(&j, |entry| entry.0) {
+            Ok(place) => factors[place].1 += value,
+            Err(place) => factors.insert(place, (j, value)),
+        }
+    }
+    let own = exchange.operator.scaling(i);
+    for (j, factor) in &mut factors {
+        *factor *= own * exchange.operator.scaling(*j);
+    }
+    let sum: f64 = factors.iter().map(|entry| entry.1).sum();
+    let (listed, dropped): (Vec<_>, Vec<_>) =
+        factors.into_iter().partition(|&(_, factor)| factor > cut);
+    Row { listed, rest: dropped.iter().map(|entry| entry.1).sum(), sky: 1.0 - sum }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use farfield::direct_masked;
+    use farfield_radiosity::{Corrections, Occluders, RadiosityOperator, Surfel, Visibility};
+    use farfield_scenes::Mesh;
+    use farfield_scenes::generate;
+
+    #[test]
+    fn whole_rows_are_written_until_it_is_ended() {
+        let scene = generate("furnace").expect("a scene");
+        let mesh = Mesh::new(&scene, 600).expect("a mesh");
+        let occluders = Occluders::new(&mesh.triangles).expect("finite");
+        let visibility = Visibility::new(&occluders);
+        let surfels: Vec<Surfel> = mesh.elements.iter().map(|e| *e.surfel()).collect();
+        let corrections = Corrections::new(&mesh.elements, &occluders, 1e-2).expect("finite");
+        let kernel = Irradiance::<f64, [f64; 1]>::clamped();
+        let sum = |b: &[[f64; 1]]| direct_masked(&kernel, &visibility, &surfels, b, &surfels);
+        let operator = RadiosityOperator::new(&mesh.elements, sum, corrections).expect("one each");
+        let exchange = Exchange { surfels: &surfels, operator: &operator, visibility: &visibility };
+        for (flow, expected) in
+            [(ControlFlow::Continue(()), surfels.len()), (ControlFlow::Break(()), ROWS)]
+        {
+            let mut table = Vec::new();
+            let rows = write(&mut table, &exchange, 1e-5, |_| flow).expect("written");
+            assert_eq!(rows, expected);
+            let table = String::from_utf8(table).expect("text");
+            let mut sums = vec![0.0; surfels.len()];
+            for line in table.lines().skip(1) {
+                let cells: Vec<_> = line.split(',').collect();
+                let factor: f64 = cells[2].parse().expect("a number");
+                sums[cells[0].parse::<usize>().expect("an index")] += factor;
+            }
+            assert!(sums[..rows].iter().all(|sum| (sum - 1.0).abs() < 1e-4));
+            assert!(sums[rows..].iter().all(|&sum| sum == 0.0));
+        }
+    }
+}

@@ -1,0 +1,134 @@
+//! The radiosities that satisfy B = E + ρH(B).
+
+use std::convert::Infallible;
+
+use farfield::Mask;
+use farfield_radiosity::{
+    Error, Irradiance, RadiosityOperator, Solution, Stop, Surfel, Visibility, bicgstab,
+    conjugate_gradients, jacobi, southwell,
+};
+use rayon::prelude::*;
+
+use super::args::SolverName;
+use super::interrupt::Interrupt;
+use super::progress::Progress;
+use farfield_scenes::Optics;
+
+/// The equation's residual in units of the tolerance: small enough not to add to the error.
+const RESIDUAL: f64 = 1e-2;
+/// Bounces that a solution may take.
+const MAX_BOUNCES: usize = 2000;
+
+/// Everything that decides how elements exchange light.
+pub(crate) struct Exchange<'a, const BANDS: usize> {
+    /// The surfels of all elements.
+    pub(crate) surfels: &'a [Surfel],
+    /// From all radiosities to all irradiances.
+    pub(crate) operator: &'a RadiosityOperator<'a, BANDS>,
+    /// Which elements see each other, pair by pair.
+    pub(crate) visibility: &'a Visibility<'a>,
+}
+
+impl<const BANDS: usize> Exchange<'_, BANDS> {
+    /// Solves for the radiosities as far as it may, with a bar for the digits gained.
+    ///
+    /// # Errors
+    /// If the iteration doesn't converge or a sum fails.
+    pub(crate) fn solve(
+        &self,
+        optics: &Optics<BANDS>,
+        solver: SolverName,
+        tolerance: f64,
+        progress: &Progress,
+        interrupt: &Interrupt,
+    ) -> Result<Solution<f64, BANDS>, Error> {
+        let tolerance = RESIDUAL * tolerance;
+        let bar = progress.bar("solving");
+        let report = |_, residual: f64| {
+            bar.show(residual.ln() / tolerance.ln());
+            interrupt.flow()
+        };
+        let Optics { emission, reflectance, .. } = optics;
+        let shots = if solver == SolverName::Southwell { self.surfels.len() } else { 1 };
+        let stop = Stop { tolerance, max_iterations: MAX_BOUNCES * shots };
+        let apply = |b: &[[f64; BANDS]]| self.operator.apply(b);
+        match solver {
+            SolverName::Cg => {
+                conjugate_gradients(self.surfels, emission, reflectance, stop, apply, report)
+            }
+            SolverName::Jacobi => jacobi(emission, reflectance, stop, apply, report),
+            SolverName::Bicgstab => bicgstab(emission, reflectance, stop, apply, report),
+            SolverName::Southwell => {
+                let column = |i: usize| Ok::<_, Infallible>(self.column(i));
+                southwell(self.surfels, emission, reflectance, stop, column, report)
+            }
+        }
+    }
+
+    /// The irradiance of every element per unit radiosity of element i.
+    fn column(&self, i: usize) -> Vec<f64> {
+        let kernel = Irradiance::<f64>::clamped();
+        let source = &self.surfels[i];
+        let factor = |receiver| {
+            let seen = Mask::<Irradiance<f64>>::pair(self.visibility, receiver, source);
+            if seen { kernel.factor(receiver, source) * source.area } else { 0.0 }
+        };
+        let mut column: Vec<f64> = self.surfels.par_iter().with_min_len(256).map(factor).collect();
+        for (j, value) in self.operator.corrections().column(i) {
+            column[j] += value;
+        }
+        let scale = self.operator.scaling(i);
+        for (j, value) in column.iter_mut().enumerate() {
+            *value *= scale * self.operator.scaling(j);
+        }
+        column
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    use farfield::{direct_masked, relative_l2_error};
+    use farfield_radiosity::{Corrections, Enclosure, Occluders};
+    use farfield_scenes::generate;
+    use farfield_scenes::{Mesh, Quantity};
+
+    #[test]
+    fn all_solvers_agree_and_leave_the_second_room_dark() {
+        let scene = generate("two-rooms").expect("a scene");
+        let mesh = Mesh::new(&scene, 600).expect("a mesh");
+        let occluders = Occluders::new(&mesh.triangles).expect("finite");
+        let visibility = Visibility::new(&occluders);
+        let surfels: Vec<Surfel> = mesh.elements.iter().map(|e| *e.surfel()).collect();
+        let corrections = Corrections::new(&mesh.elements, &occluders, 1e-2).expect("finite");
+        let kernel = Irradiance::<f64, [f64; 3]>::clamped();
+        let sum = |b: &[[f64; 3]]| direct_masked(&kernel, &visibility, &surfels, b, &surfels);
+        let mut operator =
+            RadiosityOperator::new(&mesh.elements, sum, corrections).expect("one each");
+        operator.close(Enclosure::Closed, 0.5).expect("closed");
+        let exchange = Exchange { surfels: &surfels, operator: &operator, visibility: &visibility };
+        let optics = Optics::<3>::new(&scene, &mesh, Quantity::Light, 3, 0);
+        let solved =
+            [SolverName::Cg, SolverName::Jacobi, SolverName::Bicgstab, SolverName::Southwell].map(
+                |solver| {
+                    let progress = Progress::new(true);
+                    let interrupt = Interrupt::default();
+                    let solved = exchange.solve(&optics, solver, 1e-4, &progress, &interrupt);
+                    solved.expect("converges")
+                },
+            );
+        let [cg, jacobi, _, southwell] = &solved;
+        assert!(cg.iterations < jacobi.iterations);
+        assert!(southwell.iterations > 10 * jacobi.iterations);
+        for other in &solved {
+            assert!(relative_l2_error(&other.radiosity, &jacobi.radiosity) < 1e-4);
+            for (b, surfel) in other.radiosity.iter().zip(&surfels) {
+                // The wall between the rooms is at x = 1, its back belongs to the second one.
+                let second =
+                    surfel.position.x > 1.0 || (surfel.position.x == 1.0 && surfel.normal.x > 0.0);
+                assert_eq!(*b == [0.0; 3], second, "at {}", surfel.position);
+            }
+        }
+    }
+}

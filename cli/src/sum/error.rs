@@ -1,0 +1,54 @@
+//! Why `farfield sum` fails.
+
+use std::path::PathBuf;
+
+use super::read::ReadError;
+use super::write::WriteError;
+
+/// Why there is no result.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum Failure {
+    /// An input file can't be used.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// An output file can't be written.
+    #[error(transparent)]
+    Write(#[from] WriteError),
+    /// The engine refuses the input.
+    #[error(transparent)]
+    Engine(#[from] farfield::Error),
+    /// Points and charges do not belong together.
+    #[error(
+        "{}: {found} charges: expected {expected}, one per point of {}",
+        charges.display(),
+        points.display()
+    )]
+    Lengths {
+        /// The file of charges.
+        charges: PathBuf,
+        /// How many it holds.
+        found: usize,
+        /// The file of points.
+        points: PathBuf,
+        /// How many it holds.
+        expected: usize,
+    },
+    /// The threads asked for can't be had.
+    #[error("{count} threads: {source}")]
+    Threads {
+        /// How many were asked for.
+        count: usize,
+        /// Why they can't be had.
+        source: rayon::ThreadPoolBuildError,
+    },
+    /// The sums are not as accurate as asked for.
+    #[error(
+        "the relative l2 error is {found:.2e}: expected at most {expected:e}, so no values are written"
+    )]
+    Inaccurate {
+        /// The error measured.
+        found: f64,
+        /// The tolerance.
+        expected: f64,
+    },
+}

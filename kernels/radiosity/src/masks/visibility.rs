@@ -1,0 +1,438 @@
+//! The visibility mask: facing and not hidden.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use farfield::{CellView, Coverage, Mask, Numbers, Real};
+
+use crate::elements::{Projections, Surfel};
+use crate::error::Error;
+use crate::expansion::Irradiance;
+use crate::masks::asked::Asked;
+use crate::masks::counts::{Counters, PairCounts};
+use crate::masks::facing::facing;
+use crate::masks::sampling::{RAYS, Sampling, Seen, order};
+use crate::numbers::mixed;
+use crate::occlusion::{Occluders, Shaft, SomePairs, position};
+
+/// The mask V(x, y): a pair counts if the two surfels [face each other](Projections::facing) and no
+/// occluder [hides](Occluders::blocked) them from each other. Symmetric, bit for bit.
+///
+/// Between cells that certainly face each other, a shaft of the occluders' hierarchy certifies that
+/// all pairs see each other, a single convex wall that none do. Elsewhere the pairs are asked for one by
+/// one, down to the leaves: Θ(N^1.5) rays in all. A [`fractional`](Self::fractional) mask takes fewer.
+#[derive(Debug)]
+pub struct Visibility<'a> {
+    occluders: &'a Occluders,
+    sampling: Option<Sampling>,
+    /// Whether each pair of leaves is asked for once for both directions.
+    mirrored: AtomicBool,
+    counters: Counters,
+}
+
+impl<'a> Visibility<'a> {
+    /// The mask of a scene with these occluders: every pair that no certificate settles is asked for.
+    pub fn new(occluders: &'a Occluders) -> Self {
+        Self {
+            occluders,
+            sampling: None,
+            mirrored: AtomicBool::new(false),
+            counters: Counters::new(occluders.margin()),
+        }
+    }
+
+    /// Takes visibility by samples where that adds no more than about `tolerance` to the relative l2
+    /// error of irradiances: cells of which one gives the other little light, and whose points see about
+    /// the same share of each other, are weighed by the share of 16 rays that pass
+    /// ([`Coverage::Eighths`]). So are groups within pairs of leaves: all pairs alike if the rays agree,
+    /// else row by row or column by column, else in halves.
+    ///
+    /// `brightness` says how much brighter than the mean radiosity the surfels of a face may be, face by
+    /// face, and may be short or empty: lamps need it, whose light would otherwise be taken for little.
+    ///
+    /// # Errors
+    /// [`Error::InvalidTolerance`] unless the tolerance lies between 0 and 1.
+    pub fn fractional(self, tolerance: f64, brightness: Vec<f64>) -> Result<Self, Error> {
+        if !(tolerance > 0.0 && tolerance < 1.0) {
+            return Err(Error::InvalidTolerance { found: tolerance });
+        }
+        let sampling = Sampling { most: (SAMPLED_ERROR * tolerance).powi(2).min(0.1), brightness };
+        Ok(Self { sampling: Some(sampling), ..self })
+    }
+
+    /// The pairs asked about so far. Those of cells that were found [`Coverage::Partial`] count when
+    /// their parts are asked about.
+    pub fn counts(&self) -> PairCounts {
+        self.counters.pairs()
+    }
+
+    /// The standard error that samples bring to irradiances, relative to surfels in an enclosure of even
+    /// radiosity: the root of the summed variances of all samples over the `area` of all surfels. 0 if
+    /// every pair was asked for. Samples count as independent, which those of one cell are not: errors of
+    /// two to five times as much were seen.
+    pub fn uncertainty(&self, area: f64) -> f64 {
+        (self.counters.variance() / area).sqrt()
+    }
+
+    fn sees<T: Real>(&self, x: &Surfel<T>, y: &Surfel<T>) -> bool {
+        self.counters.rays.add(1);
+        !self.occluders.blocked(position(x), position(y), [x.face, y.face])
+    }
+
+    /// How many of the sampled pairs of two cells that face each other see each other, if so little light
+    /// passes between them that this is enough.
+    fn visible_samples<T: Real>(
+        &self,
+        a: CellView<'_, Surfel<T>>,
+        b: CellView<'_, Surfel<T>>,
+    ) -> Option<usize> {
+        let apart = a.cell.level() == b.cell.level() && a.cell.well_separated(b.cell);
+        let sampling = self.sampling.as_ref().filter(|_| apart)?;
+        let (in_order, key) = order(&a, &b);
+        let (x, y) = if in_order { (a.points, b.points) } else { (b.points, a.points) };
+        let strength = sampling.strength(x, y);
+        if !sampling.accepts(&strength) {
+            return None;
+        }
+        let seen = Seen::of(x.len(), y.len(), key, |pairs| {
+            self.counters.rays.add(pairs.len() as u64);
+            SomePairs { occluders: self.occluders, xs: x, ys: y, pairs, last: &mut None }.run()
+        });
+        let uneven = !(seen.rows_agree() && seen.columns_agree());
+        if uneven && !sampling.accepts_blindly(&strength) {
+            return None;
+        }
+        // Asked for from both ends, and both count.
+        self.counters.add_variance(0.5 * strength.variance(seen.count()));
+        Some(even(seen.count(), key))
+    }
+}
+
+/// The errors of samples add up at random: what a group may contribute grows as the square of the
+/// tolerance. Measured, with the lamp of a Cornell box among much darker surfels.
+const SAMPLED_ERROR: f64 = 2.0;
+
+/// One of the two even numbers next to an odd one, by the toss of a coin that `key` decides: always the
+/// lower would lose light.
+fn even(count: usize, key: u64) -> usize {
+    let odd = count % 2;
+    if mixed(key) >> 63 == 0 { count - odd } else { count + odd }
+}
+
+impl<T: Real, C: Numbers<Real = T>> Mask<Irradiance<T, C>> for Visibility<'_> {
+    fn cells(
+        &self,
+        targets: CellView<'_, Surfel<T>>,
+        sources: CellView<'_, Surfel<T>>,
+    ) -> Coverage {
+        let pairs = targets.points.len() as u64 * sources.points.len() as u64;
+        match facing(targets.points, sources.points) {
+            Coverage::Empty => {
+                self.counters.facing_away.add(pairs);
+                return Coverage::Empty;
+            }
+            Coverage::Full => {}
+            coverage => return coverage,
+        }
+        let shaft = Shaft::new(targets.points, sources.points);
+        if shaft.is_clear(self.occluders) {
+            self.counters.certified.add(pairs);
+            return Coverage::Full;
+        }
+        let visible = if shaft.is_blocked(self.occluders) {
+            Some(0)
+        } else {
+            self.visible_samples(targets, sources)
+        };
+        match visible {
+            None => Coverage::Partial,
+            Some(0) => {
+                self.counters.hidden.add(pairs);
+                Coverage::Empty
+            }
+            Some(RAYS) => {
+                self.counters.sampled.add(pairs);
+                Coverage::Full
+            }
+            Some(visible) => {
+                self.counters.sampled.add(pairs);
+                Coverage::Eighths((visible / 2) as u8)
+            }
+        }
+    }
+
+    fn pair(&self, x: &Surfel<T>, y: &Surfel<T>) -> bool {
+        if !Projections::new(x, y).facing() {
+            self.counters.facing_away.add(1);
+            return false;
+        }
+        let sees = self.sees(x, y);
+        if sees { &self.counters.unhidden } else { &self.counters.hidden }.add(1);
+        sees
+    }
+
+    fn pairs(
+        &self,
+        targets: CellView<'_, Surfel<T>>,
+        sources: CellView<'_, Surfel<T>>,
+        count: &mut dyn FnMut(usize, usize),
+    ) {
+        let same = targets.cell == sources.cell;
+        let (xs, ys) = (targets.points, sources.points);
+        let mirrored = self.mirrored.load(Ordering::Relaxed);
+        let mut asked = Asked {
+            xs,
+            ys,
+            occluders: self.occluders,
+            counters: &self.counters,
+            mirrored,
+            last: None,
+            count,
+            facing: 0,
+            visible: 0,
+            rays: 0,
+        };
+        match &self.sampling {
+            // Both halves of a cell with itself have to come out alike.
+            Some(sampling) if !same => asked.groups(sampling, 0..xs.len(), 0..ys.len()),
+            _ => asked.one_by_one(0..xs.len(), 0..ys.len()),
+        }
+        let Asked { facing, visible, rays, .. } = asked;
+        let both = if mirrored && !same { 2 } else { 1 };
+        self.counters.facing_away.add(both * ((xs.len() * ys.len()) as u64 - facing));
+        self.counters.hidden.add(both * (facing - visible));
+        self.counters.unhidden.add(both * visible);
+        self.counters.rays.add(rays);
+    }
+
+    fn is_mirrored(&self, targets: &[Surfel<T>], sources: &[Surfel<T>]) -> bool {
+        let mirrored = targets == sources;
+        self.mirrored.store(mirrored, Ordering::Relaxed);
+        mirrored
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::elements::Triangle;
+    use crate::occlusion::triangles;
+    use farfield::{Cell, Cube};
+    use glam::DVec3;
+    use proptest::prelude::*;
+
+    type Kernel = Irradiance<f64>;
+
+    fn square(z: f64, side: f64, up: bool, face: u32) -> Vec<Surfel> {
+        let normal = if up { DVec3::Z } else { DVec3::NEG_Z };
+        let at =
+            |k: usize| DVec3::new((k / 4) as f64 - 1.5, (k % 4) as f64 - 1.5, 0.0) * (side / 4.0);
+        (0..16)
+            .map(|k| Surfel {
+                position: at(k) + DVec3::Z * z,
+                normal,
+                area: side * side / 16.0,
+                face,
+            })
+            .collect()
+    }
+
+    fn screen(z: f64, side: f64, face: u32) -> [Triangle; 2] {
+        let [a, b, c, d] = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]
+            .map(|[x, y]| DVec3::new(x * side / 2.0, y * side / 2.0, z));
+        [[a, b, c], [a, c, d]].map(|vertices| Triangle { vertices, face })
+    }
+
+    fn verdict(mask: &Visibility<'_>, t: &[Surfel], s: &[Surfel]) -> Coverage {
+        let cell = Cell::new(&Cube::new(DVec3::ZERO, 4.0), 0, [0; 3]);
+        let view = |points| CellView { cell: &cell, points };
+        Mask::<Kernel>::cells(mask, view(t), view(s))
+    }
+
+    fn together(mask: &Visibility<'_>, t: &[Surfel], s: &[Surfel]) -> Vec<(usize, usize)> {
+        let cell = Cell::new(&Cube::new(DVec3::ZERO, 4.0), 0, [0; 3]);
+        let view = |points| CellView { cell: &cell, points };
+        let mut found = Vec::new();
+        Mask::<Kernel>::pairs(mask, view(t), view(s), &mut |i, j| found.push((i, j)));
+        found
+    }
+
+    fn ask_all(mask: &Visibility<'_>, t: &[Surfel], s: &[Surfel]) -> usize {
+        let pairs = t.iter().flat_map(|x| s.iter().map(move |y| (x, y)));
+        pairs.filter(|(x, y)| Mask::<Kernel>::pair(mask, x, y)).count()
+    }
+
+    #[test]
+    fn counts_tell_how_every_pair_fell_out() {
+        let floor = square(0.0, 1.0, true, 0);
+        let ceiling = square(1.0, 1.0, false, 1);
+        let roof = square(1.0, 1.0, true, 1);
+        let walls = [screen(0.0, 1.0, 0), screen(1.0, 1.0, 1)].concat();
+        let open = Occluders::new(&walls).unwrap();
+        let mask = Visibility::new(&open);
+        assert_eq!(verdict(&mask, &ceiling, &floor), Coverage::Full);
+        assert_eq!(verdict(&mask, &roof, &floor), Coverage::Empty);
+        let counts = PairCounts { certified: 256, facing_away: 256, ..PairCounts::default() };
+        assert_eq!(mask.counts(), counts);
+        assert_eq!(ask_all(&mask, &ceiling, &floor), 256);
+        assert_eq!(mask.counts(), PairCounts { unhidden: 256, rays: 256, ..counts });
+    }
+
+    #[test]
+    fn a_screen_hides_and_is_never_overlooked() {
+        let floor = square(0.0, 1.0, true, 0);
+        let ceiling = square(1.0, 1.0, false, 1);
+        // A segment passes the screen's plane at (i + j − 3)/8 along either axis, i and j in 0..4.
+        for (side, hidden) in [(1.0, 16 * 16), (0.45, 10 * 10), (0.05, 4 * 4)] {
+            let visible = 256 - hidden;
+            let occluders = Occluders::new(&screen(0.5, side, 2)).unwrap();
+            let mask = Visibility::new(&occluders);
+            let mask_of_cells = Visibility::new(&occluders);
+            let whole = if visible == 0 { Coverage::Empty } else { Coverage::Partial };
+            assert_eq!(verdict(&mask_of_cells, &ceiling, &floor), whole);
+            assert_eq!(verdict(&mask_of_cells, &floor, &ceiling), whole);
+            assert_eq!(ask_all(&mask, &ceiling, &floor), visible, "screen of side {side}");
+            assert_eq!(ask_all(&mask, &floor, &ceiling), visible, "screen of side {side}");
+            assert_eq!(mask.counts().total(), 512);
+            assert_eq!(mask.counts().rays, 512);
+        }
+    }
+
+    #[test]
+    fn groups_that_exchange_little_are_sampled_from_both_ends_alike() {
+        let root = Cube::new(DVec3::ZERO, 4.0);
+        let floor = square(0.0, 0.2, true, 0);
+        let far = DVec3::new(0.0, 0.0, 3.0);
+        let ceiling: Vec<Surfel> = square(0.0, 0.2, false, 1)
+            .into_iter()
+            .map(|s| Surfel { position: s.position + far, ..s })
+            .collect();
+        // A quarter of the view is blocked.
+        let screen = screen(1.5, 0.1, 2)
+            .map(|t| Triangle { vertices: t.vertices.map(|v| v + DVec3::X * 0.05), ..t });
+        let occluders = Occluders::new(&screen).unwrap();
+        let cells = [Cell::new(&root, 3, [4, 4, 4]), Cell::new(&root, 3, [4, 4, 7])];
+        let views = [&floor, &ceiling].map(|points| &points[..]);
+        let view = |k: usize| CellView { cell: &cells[k], points: views[k] };
+        let sampled = |tolerance, brightness| {
+            let mask = Visibility::new(&occluders).fractional(tolerance, brightness).unwrap();
+            let verdicts =
+                [(0, 1), (1, 0)].map(|(t, s)| Mask::<Kernel>::cells(&mask, view(t), view(s)));
+            assert_eq!(verdicts[0], verdicts[1]);
+            (verdicts[0], mask.counts(), mask.uncertainty(1.0))
+        };
+        let (verdict, counts, uncertainty) = sampled(0.1, vec![]);
+        let Coverage::Eighths(visible) = verdict else { panic!("{verdict:?}") };
+        assert!((5..=7).contains(&visible), "{visible} eighths of about three quarters");
+        assert_eq!((counts.sampled, counts.rays), (512, 32));
+        // Each receives A/(πr²) ≈ 0.0014 of what it sees of the other, half of which is in doubt, on an
+        // area of 0.04 each.
+        assert!((1e-4..3e-4).contains(&uncertainty), "{uncertainty}");
+        // What is weak on its own isn't if one of the two is a lamp.
+        for strong in [sampled(0.003, vec![]), sampled(0.1, vec![1.0, 100.0])] {
+            assert_eq!((strong.0, strong.1.rays, strong.2), (Coverage::Partial, 0, 0.0));
+        }
+        let error = Error::InvalidTolerance { found: 1.0 };
+        let refused = Visibility::new(&occluders).fractional(1.0, vec![]);
+        assert_eq!(refused.map(|_| ()), Err(error));
+    }
+
+    #[test]
+    fn shares_are_rounded_to_eighths_without_a_bias() {
+        for count in 0..=RAYS {
+            let sum: usize = (0..1000).map(|key| even(count, key)).sum();
+            assert!((0..1000).all(|key| matches!(even(count, key), 0..=RAYS)));
+            assert!((0..1000).all(|key| even(count, key).is_multiple_of(2)));
+            assert!((sum as f64 / 1000.0 - count as f64).abs() < 0.1, "{count}: {sum}");
+        }
+    }
+
+    #[test]
+    fn the_uncertainty_is_that_of_the_scene_at_any_scale() {
+        let uncertainty = |scale: f64| {
+            let grown = |s: Surfel| Surfel {
+                position: s.position * scale,
+                area: s.area * scale * scale,
+                ..s
+            };
+            let floor: Vec<_> = square(0.0, 0.2, true, 0).into_iter().map(grown).collect();
+            let ceiling: Vec<_> = square(3.0, 0.2, false, 1).into_iter().map(grown).collect();
+            let screen = screen(1.5, 0.1, 2).map(|t| Triangle {
+                vertices: t.vertices.map(|v| (v + DVec3::X * 0.05) * scale),
+                ..t
+            });
+            let occluders = Occluders::new(&screen).unwrap();
+            let root = Cube::new(DVec3::ZERO, 4.0 * scale);
+            let cells = [Cell::new(&root, 3, [4, 4, 4]), Cell::new(&root, 3, [4, 4, 7])];
+            let mask = Visibility::new(&occluders).fractional(0.1, vec![]).unwrap();
+            let [from, to] = [&floor, &ceiling].map(|points| &points[..]);
+            let from = CellView { cell: &cells[0], points: from };
+            Mask::<Kernel>::cells(&mask, from, CellView { cell: &cells[1], points: to });
+            mask.uncertainty(scale * scale)
+        };
+        let unit = uncertainty(1.0);
+        assert!(unit > 1e-5);
+        for scale in [0.5f64.powi(30), 2f64.powi(40)] {
+            assert!((uncertainty(scale) / unit - 1.0).abs() < 1e-3, "{scale}");
+        }
+    }
+
+    #[test]
+    fn pairs_of_leaves_are_asked_in_groups_of_about_the_same_share() {
+        let floor = square(0.0, 0.2, true, 0);
+        let ceiling = square(1.0, 0.2, false, 1);
+        let occluders = Occluders::new(&screen(0.5, 0.07, 2)).unwrap();
+        let exact = together(&Visibility::new(&occluders), &ceiling, &floor).len();
+        let mut before = u64::MAX;
+        for tolerance in [1e-3, 1e-2, 3e-2, 0.1] {
+            let mask = Visibility::new(&occluders).fractional(tolerance, vec![]).unwrap();
+            let cells = [0, 1].map(|k| Cell::new(&Cube::new(DVec3::ZERO, 4.0), 1, [k; 3]));
+            let mut found = 0;
+            let view = |k: usize, points| CellView { cell: &cells[k], points };
+            let (t, s) = (view(0, &ceiling[..]), view(1, &floor[..]));
+            Mask::<Kernel>::pairs(&mask, t, s, &mut |_, _| found += 1);
+            let counts = mask.counts();
+            assert!(counts.rays <= before && counts.rays > 0);
+            before = counts.rays;
+            assert_eq!(counts.unhidden, found as u64);
+            assert_eq!(counts.total(), 256);
+            if counts.rays == 256 {
+                assert_eq!(found, exact);
+            } else {
+                assert!(found.abs_diff(exact) < 80, "{found} {exact}");
+            }
+        }
+        assert!(before < 64, "{before}");
+    }
+
+    proptest! {
+        #[test]
+        fn blocks_and_cells_answer_as_their_pairs_do(
+            triangles in triangles(),
+            lift in -1.0f64..1.0,
+            tilt in prop::array::uniform3(-0.3f64..0.3),
+        ) {
+            let floor = square(-0.5, 1.0, true, 0);
+            let shift = DVec3::new(tilt[0], tilt[1], lift);
+            let normal = (DVec3::NEG_Z + DVec3::from(tilt) * 2.0).normalize();
+            let other: Vec<Surfel> = square(0.0, 0.5, false, 1)
+                .into_iter()
+                .map(|s| Surfel { position: s.position + shift, normal, ..s })
+                .collect();
+            let occluders = Occluders::new(&triangles).unwrap();
+            let masks: [_; 3] = std::array::from_fn(|_| Visibility::new(&occluders));
+            let found = together(&masks[0], &other, &floor);
+            for (i, x) in other.iter().enumerate() {
+                for (j, y) in floor.iter().enumerate() {
+                    let counts = Mask::<Kernel>::pair(&masks[1], x, y);
+                    prop_assert_eq!(counts, found.contains(&(i, j)));
+                }
+            }
+            prop_assert_eq!(masks[0].counts(), masks[1].counts());
+            match verdict(&masks[2], &other, &floor) {
+                Coverage::Full => prop_assert_eq!(found.len(), 256),
+                Coverage::Empty => prop_assert!(found.is_empty()),
+                Coverage::Partial | Coverage::Eighths(_) => {}
+            }
+        }
+    }
+}

@@ -1,0 +1,243 @@
+//! Visibility of many pairs of surfels at once, in packets of segments.
+//!
+//! Code with wide registers must be inlined into the function that `pulp` compiles for the machine:
+//! hence `#[inline(always)]` throughout, and loops over indices.
+
+#![expect(clippy::needless_range_loop, reason = "closures of iterators may not be inlined")]
+
+use farfield::{Real, Vector, dispatch};
+use pulp::{Simd, WithSimd};
+
+use crate::elements::Surfel;
+use crate::occlusion::facet::Facet;
+use crate::occlusion::occluders::Occluders;
+use crate::occlusion::packet::{LANES, Packet};
+
+/// All pairs of two groups of surfels.
+pub(crate) struct AllPairs<'a, T: Real> {
+    pub(crate) occluders: &'a Occluders,
+    pub(crate) xs: &'a [Surfel<T>],
+    pub(crate) ys: &'a [Surfel<T>],
+    /// Is told of every pair that faces each other, whether it is unhidden.
+    pub(crate) answer: &'a mut dyn FnMut(usize, usize, bool),
+}
+
+impl<T: Real> AllPairs<'_, T> {
+    /// Asks for all pairs with the best instructions that the machine has.
+    pub(crate) fn run(self) {
+        dispatch(self)
+    }
+}
+
+impl<T: Real> WithSimd for AllPairs<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _simd: S) {
+        let Self { occluders, xs, ys, answer } = self;
+        let packs: Vec<Pack<T>> = ys.chunks(LANES).map(Pack::new).collect();
+        let mut facing = Vec::with_capacity(xs.len() * ys.len());
+        for (i, x) in xs.iter().enumerate() {
+            for (p, pack) in packs.iter().enumerate() {
+                let lanes = pack.facing(x);
+                for lane in 0..LANES {
+                    if lanes[lane] {
+                        facing.push((i, LANES * p + lane));
+                    }
+                }
+            }
+        }
+        let mut last = None;
+        for pairs in facing.chunks(LANES) {
+            let mut packet = Packet::new(occluders, xs, ys, pairs);
+            packet.trace(&mut last);
+            for (lane, &(i, j)) in pairs.iter().enumerate() {
+                answer(i, j, packet.unhidden[lane]);
+            }
+        }
+    }
+}
+
+/// Some pairs of two groups of surfels, [`LANES`] at most.
+pub(crate) struct SomePairs<'a, 'b, T: Real> {
+    pub(crate) occluders: &'a Occluders,
+    pub(crate) xs: &'b [Surfel<T>],
+    pub(crate) ys: &'b [Surfel<T>],
+    pub(crate) pairs: &'b [(usize, usize)],
+    /// What hid another pair most lately.
+    pub(crate) last: &'b mut Option<&'a Facet>,
+}
+
+impl<T: Real> SomePairs<'_, '_, T> {
+    /// Which of them are unhidden, a bit each.
+    pub(crate) fn run(self) -> u16 {
+        dispatch(self)
+    }
+}
+
+impl<T: Real> WithSimd for SomePairs<'_, '_, T> {
+    type Output = u16;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _simd: S) -> u16 {
+        let mut packet = Packet::new(self.occluders, self.xs, self.ys, self.pairs);
+        packet.trace(self.last);
+        let mut unhidden = 0;
+        for lane in 0..self.pairs.len() {
+            unhidden |= u16::from(packet.unhidden[lane]) << lane;
+        }
+        unhidden
+    }
+}
+
+/// Surfels side by side; those that fill up the last lanes face nothing.
+struct Pack<T> {
+    position: [[T; LANES]; 3],
+    normal: [[T; LANES]; 3],
+}
+
+impl<T: Real> Pack<T> {
+    #[inline(always)]
+    fn new(surfels: &[Surfel<T>]) -> Self {
+        let zero = [[T::from_f64(0.0); LANES]; 3];
+        let mut pack = Self { position: zero, normal: zero };
+        for (lane, surfel) in surfels.iter().enumerate() {
+            let (position, normal) = (surfel.position.to_array(), surfel.normal.to_array());
+            for k in 0..3 {
+                pack.position[k][lane] = position[k];
+                pack.normal[k][lane] = normal[k];
+            }
+        }
+        pack
+    }
+
+    /// [`Projections::facing`](crate::Projections::facing), rounded alike.
+    #[inline(always)]
+    fn facing(&self, x: &Surfel<T>) -> [bool; LANES] {
+        let (at, normal) = (x.position.to_array(), x.normal.to_array());
+        let (zero, epsilon) = (T::from_f64(0.0), T::epsilon());
+        let mut facing = [false; LANES];
+        for lane in 0..LANES {
+            let d: [T; 3] = [
+                at[0] - self.position[0][lane],
+                at[1] - self.position[1][lane],
+                at[2] - self.position[2][lane],
+            ];
+            let m = [self.normal[0][lane], self.normal[1][lane], self.normal[2][lane]];
+            let receiver = -normal[0] * d[0] + -normal[1] * d[1] + -normal[2] * d[2];
+            let source = m[0] * d[0] + m[1] * d[1] + m[2] * d[2];
+            let threshold = epsilon * (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
+            facing[lane] = (receiver > zero)
+                & (source > zero)
+                & (receiver * receiver > threshold)
+                & (source * source > threshold);
+        }
+        facing
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::elements::{Projections, Triangle};
+    use crate::occlusion::occluders::tests::triangles;
+    use crate::occlusion::position;
+    use glam::DVec3;
+    use proptest::prelude::*;
+
+    const NO_FACE: u32 = Surfel::<f64>::NO_FACE;
+
+    /// Asks for all pairs at once, and holds every answer against that for the pair alone.
+    fn check<T: Real>(occluders: &Occluders, xs: &[Surfel<T>], ys: &[Surfel<T>]) -> usize {
+        let mut found = Vec::new();
+        let answer = &mut |i, j, sees| found.push((i, j, sees));
+        AllPairs { occluders, xs, ys, answer }.run();
+        let mut alone = Vec::new();
+        for (i, x) in xs.iter().enumerate() {
+            for (j, y) in ys.iter().enumerate() {
+                if Projections::new(x, y).facing() {
+                    let blocked = occluders.blocked(position(x), position(y), [x.face, y.face]);
+                    alone.push((i, j, !blocked));
+                }
+            }
+        }
+        assert_eq!(found, alone);
+        found.iter().filter(|(.., sees)| !sees).count()
+    }
+
+    /// Surfels on a lattice that the triangles share, and between; of their faces, and of none.
+    fn surfels() -> impl Strategy<Value = Vec<Surfel>> {
+        let lattice = prop::array::uniform3(-4i32..5).prop_map(|p| p.map(|c| f64::from(c) / 4.0));
+        let any = prop::array::uniform3(-1.0f64..1.0);
+        let normal = prop_oneof![
+            any.clone(),
+            (0usize..3, prop::bool::ANY).prop_map(|(k, up)| {
+                let mut normal = [0.0; 3];
+                normal[k] = if up { 1.0 } else { -1.0 };
+                normal
+            }),
+        ];
+        let surfel = (prop_oneof![lattice, any], normal, 0u32..6).prop_map(|(p, n, face)| Surfel {
+            position: p.into(),
+            normal: DVec3::from(n).try_normalize().unwrap_or(DVec3::Z),
+            area: 1.0,
+            face: if face > 3 { NO_FACE } else { face },
+        });
+        prop::collection::vec(surfel, 0..40)
+    }
+
+    #[test]
+    fn pairs_across_a_mesh_are_answered_as_single_rays_are() {
+        // A bumpy sheet of small triangles between two groups, off the origin by much.
+        let origin = DVec3::new(1e3, -2e3, 5e2);
+        let height = |i: usize, j: usize| 0.05 * ((i * 7 + j * 3) as f64).sin();
+        let at = |i: usize, j: usize| {
+            origin + DVec3::new(i as f64 / 20.0, j as f64 / 20.0, height(i, j))
+        };
+        let mut triangles = Vec::new();
+        for (i, j) in (0..20).flat_map(|i| (0..20).map(move |j| (i, j))) {
+            if (i + j) % 3 > 0 {
+                let face = triangles.len() as u32;
+                let vertices = [at(i, j), at(i + 1, j), at(i, j + 1)];
+                triangles.push(Triangle { vertices, face });
+            }
+        }
+        let occluders = Occluders::new(&triangles).unwrap();
+        let group = |z: f64, up: f64| -> Vec<Surfel> {
+            let place = |k: usize| DVec3::new((k % 9) as f64 / 9.0, (k / 9) as f64 / 9.0, z);
+            let surfel = |k| Surfel {
+                position: origin + place(k),
+                normal: DVec3::Z * up,
+                area: 0.01,
+                face: NO_FACE,
+            };
+            (0..81).map(surfel).collect()
+        };
+        let (below, above) = (group(-0.5, 1.0), group(0.5, -1.0));
+        let hidden = check(&occluders, &above, &below);
+        assert!((1500..5500).contains(&hidden), "{hidden} of 6561");
+        let single =
+            |group: &[Surfel]| group.iter().map(Surfel::cast).collect::<Vec<Surfel<f32>>>();
+        check(&occluders, &single(&above), &single(&below));
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(1000))]
+        #[test]
+        fn packets_answer_as_single_rays_do(
+            triangles in triangles(), xs in surfels(), ys in surfels(), far in 0i32..4,
+        ) {
+            // Exact shifts and scales: ties stay ties.
+            let (shift, scale) = (DVec3::splat(f64::from(far) * 64.0), 0.5f64.powi(far * 40 - 60));
+            let moved = |p: DVec3| (p + shift) * scale;
+            let triangles: Vec<_> = triangles
+                .iter()
+                .map(|t| Triangle { vertices: t.vertices.map(moved), ..*t })
+                .collect();
+            let [xs, ys] = [xs, ys].map(|group| -> Vec<Surfel> {
+                group.into_iter().map(|s| Surfel { position: moved(s.position), ..s }).collect()
+            });
+            check(&Occluders::new(&triangles).unwrap(), &xs, &ys);
+        }
+    }
+}

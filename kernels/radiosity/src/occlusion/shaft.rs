@@ -1,0 +1,326 @@
+//! The shaft between two cells: everything that a segment from one to the other can pass.
+
+use farfield::Real;
+use glam::DVec3;
+
+use crate::elements::Surfel;
+use crate::occlusion::bounds::Bounds;
+use crate::occlusion::facet::Facet;
+use crate::occlusion::occluders::Occluders;
+use crate::occlusion::position;
+
+/// The convex hull of the bounding boxes of two groups of surfels.
+///
+/// The hull of two axis-aligned boxes is bounded by the sides of the box around both and by planes
+/// through an edge of each, parallel to an axis (Haines and Wallace 1994).
+pub(crate) struct Shaft<'a, T: Real> {
+    ends: [&'a [Surfel<T>]; 2],
+    bounds: [Bounds<f64>; 2],
+    /// Faces on which all surfels of an end lie: no occluder to any of the segments.
+    own_faces: [Option<u32>; 2],
+    hull: Bounds<f64>,
+    edges: Vec<Plane>,
+}
+
+/// Where more facets are in the way, they are too small for one to hide a cell.
+const MOST_FACETS: usize = 16;
+
+/// The half-space normal·x ≤ offset.
+#[derive(Clone, Copy, Debug)]
+struct Plane {
+    normal: DVec3,
+    offset: f64,
+}
+
+impl<'a, T: Real> Shaft<'a, T> {
+    pub(crate) fn new(targets: &'a [Surfel<T>], sources: &'a [Surfel<T>]) -> Self {
+        let ends = [targets, sources];
+        let bounds = ends.map(|end| Bounds::of(end.iter().map(position).map(|p| p.to_array())));
+        let hull = bounds[0].union(&bounds[1]);
+        // The hull grows by the rounding of its own planes; the margin of the occluders comes on top.
+        let slack = 32.0 * f64::EPSILON * hull.farthest();
+        Self {
+            ends,
+            bounds,
+            own_faces: ends.map(common_face),
+            hull: hull.grown(slack),
+            edges: edge_planes(&bounds[0], &bounds[1], slack),
+        }
+    }
+
+    /// Whether certainly no occluder hides any of the sources from any of the targets.
+    pub(crate) fn is_clear(&self, occluders: &Occluders) -> bool {
+        let margin = occluders.margin();
+        occluders.visit(|node| self.meets(node), |facet| self.may_block(facet, margin)).is_none()
+    }
+
+    /// Whether certainly all sources are hidden from all targets, by one convex wall.
+    pub(crate) fn is_blocked(&self, occluders: &Occluders) -> bool {
+        let margin = occluders.margin();
+        let mut asked = Surfel::<T>::NO_FACE;
+        let (mut hidden, mut facets) = (false, 0);
+        let [a, b] = &self.bounds;
+        occluders.visit(
+            |node| self.meets(node),
+            |facet| {
+                facets += 1;
+                // The triangles of a face often come one after the other.
+                if facet.face != asked {
+                    asked = facet.face;
+                    let wall = occluders.wall(facet.face);
+                    hidden = wall.is_some_and(|wall| wall.hides([a, b], margin));
+                }
+                hidden || facets == MOST_FACETS
+            },
+        );
+        hidden
+    }
+
+    /// Whether a box may have a point in common with the hull.
+    fn meets(&self, node: &Bounds<f64>) -> bool {
+        let reaches = |plane: &Plane| {
+            let (least, _) = node.extent_along(plane.normal.to_array(), [0.0; 3]);
+            least <= plane.offset
+        };
+        self.hull.overlaps(node) && self.edges.iter().all(reaches)
+    }
+
+    /// Whether a facet may hide some source from some target.
+    fn may_block(&self, facet: &Facet, margin: f64) -> bool {
+        let own = self.own_faces.contains(&Some(facet.face));
+        !own && !self.is_on_one_side(facet, margin) && self.cuts(facet, margin)
+    }
+
+    /// Whether all surfels lie on one closed side of a facet's plane, as do the surfels of a convex
+    /// room with respect to its walls: the very condition under which no segment is blocked.
+    fn is_on_one_side(&self, facet: &Facet, margin: f64) -> bool {
+        let anchor = facet.vertices[0].to_array();
+        let extents = self.bounds.map(|b| b.extent_along(facet.normal.to_array(), anchor));
+        let (low, high) = (extents[0].0.min(extents[1].0), extents[0].1.max(extents[1].1));
+        if low >= -margin || high <= margin {
+            return true;
+        }
+        let heights =
+            || self.ends.into_iter().flatten().map(|surfel| facet.height(position(surfel)));
+        heights().all(|h| h >= -margin) || heights().all(|h| h <= margin)
+    }
+
+    /// Whether a facet comes within the margin of the hull: what the planes leave of it isn't empty.
+    fn cuts(&self, facet: &Facet, margin: f64) -> bool {
+        let sides = (0..3).flat_map(|k| {
+            let axis = DVec3::AXES[k];
+            let low = Plane { normal: -axis, offset: -self.hull.low[k] };
+            [low, Plane { normal: axis, offset: self.hull.high[k] }]
+        });
+        let planes = sides.chain(self.edges.iter().copied());
+        let mut polygon = Polygon::from(facet.vertices);
+        for Plane { normal, offset } in planes {
+            polygon.clip(normal, offset + margin);
+            if polygon.count == 0 {
+                return false;
+            }
+        }
+        true
+    }
+}
+
+/// The planes through an edge of each box that bound the hull of both: seen along each axis, the
+/// hull of two rectangles has at most one slanted side per quadrant.
+fn edge_planes(a: &Bounds<f64>, b: &Bounds<f64>, slack: f64) -> Vec<Plane> {
+    let corner =
+        |bounds: &Bounds<f64>, k: usize, up: bool| if up { bounds.high[k] } else { bounds.low[k] };
+    let mut planes = Vec::with_capacity(12);
+    for (i, j) in [(0, 1), (0, 2), (1, 2)] {
+        for (up_i, up_j) in [(false, false), (false, true), (true, false), (true, true)] {
+            // The outermost corners in this quadrant's direction: a side joins them if each of them
+            // is further out along one of the two axes.
+            let (a_i, a_j) = (corner(a, i, up_i), corner(a, j, up_j));
+            let (b_i, b_j) = (corner(b, i, up_i), corner(b, j, up_j));
+            let sign = |up: bool| if up { 1.0 } else { -1.0 };
+            let (gain_i, gain_j) = ((a_i - b_i) * sign(up_i), (a_j - b_j) * sign(up_j));
+            if gain_i * gain_j < 0.0 {
+                let mut normal = DVec3::ZERO;
+                normal[i] = gain_j.abs() * sign(up_i);
+                normal[j] = gain_i.abs() * sign(up_j);
+                let normal = normal.normalize();
+                let offset =
+                    (normal[i] * a_i + normal[j] * a_j).max(normal[i] * b_i + normal[j] * b_j);
+                planes.push(Plane { normal, offset: offset + slack });
+            }
+        }
+    }
+    planes
+}
+
+/// A convex polygon. Each of the 18 planes of a shaft adds one corner at most.
+struct Polygon {
+    corners: [DVec3; 3 + 18],
+    count: usize,
+}
+
+impl From<[DVec3; 3]> for Polygon {
+    fn from(vertices: [DVec3; 3]) -> Self {
+        let mut corners = [DVec3::ZERO; 21];
+        corners[..3].copy_from_slice(&vertices);
+        Self { corners, count: 3 }
+    }
+}
+
+impl Polygon {
+    /// Leaves what lies in the half-space normal·x ≤ offset (Sutherland and Hodgman 1974).
+    fn clip(&mut self, normal: DVec3, offset: f64) {
+        let excess = |p: DVec3| normal.dot(p) - offset;
+        let Self { corners, count } = *self;
+        let corners = &corners[..count];
+        if corners.iter().all(|&p| excess(p) <= 0.0) {
+            return;
+        }
+        self.count = 0;
+        let mut keep = |p| {
+            self.corners[self.count] = p;
+            self.count += 1;
+        };
+        for (k, &p) in corners.iter().enumerate() {
+            let next = corners[(k + 1) % count];
+            let (here, there) = (excess(p), excess(next));
+            if here <= 0.0 {
+                keep(p);
+            }
+            if (here < 0.0 && there > 0.0) || (here > 0.0 && there < 0.0) {
+                keep(p + (next - p) * (here / (here - there)));
+            }
+        }
+    }
+}
+
+/// The face that all surfels lie on, if it is one and the same.
+fn common_face<T: Real>(surfels: &[Surfel<T>]) -> Option<u32> {
+    let face = surfels.first()?.face;
+    let common = face != Surfel::<T>::NO_FACE && surfels.iter().all(|s| s.face == face);
+    common.then_some(face)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::elements::Triangle;
+    use crate::occlusion::occluders::tests::triangles;
+    use proptest::prelude::*;
+
+    const NO_FACE: u32 = Surfel::<f64>::NO_FACE;
+
+    fn surfel(position: DVec3, face: u32) -> Surfel {
+        Surfel { position, normal: DVec3::Z, area: 1.0, face }
+    }
+
+    fn corners(low: DVec3, high: DVec3, face: u32) -> Vec<Surfel> {
+        let pick =
+            |k: usize| DVec3::select(glam::BVec3::new(k & 1 > 0, k & 2 > 0, k & 4 > 0), high, low);
+        (0..8).map(|k| surfel(pick(k), face)).collect()
+    }
+
+    fn single(vertices: [DVec3; 3]) -> Occluders {
+        Occluders::new(&[Triangle { vertices, face: 5 }]).unwrap()
+    }
+
+    #[test]
+    fn a_facet_in_the_corner_of_the_common_box_is_outside_the_shaft() {
+        let a = corners(DVec3::ZERO, DVec3::ONE, NO_FACE);
+        let b = corners(DVec3::splat(4.0), DVec3::splat(5.0), NO_FACE);
+        let facet_at = |p: DVec3| single([p, p + DVec3::X * 0.3, p + DVec3::Y * 0.3]);
+        assert!(Shaft::new(&a, &b).is_clear(&facet_at(DVec3::new(4.5, 0.2, 2.0))));
+        assert!(!Shaft::new(&a, &b).is_clear(&facet_at(DVec3::splat(2.5))));
+    }
+
+    #[test]
+    fn a_large_facet_beside_the_shaft_is_outside_although_no_plane_has_it_whole() {
+        let a = corners(DVec3::ZERO, DVec3::ONE, NO_FACE);
+        let b = corners(DVec3::new(0.0, 0.0, 9.0), DVec3::new(1.0, 1.0, 10.0), NO_FACE);
+        let diagonal = |shift: f64| {
+            let edge = DVec3::new(shift, shift, 0.0);
+            let apex = DVec3::new(30.0, 30.0, 31.0);
+            single([edge + DVec3::new(40.0, -40.0, 5.0), edge + DVec3::new(-40.0, 40.0, 5.0), apex])
+        };
+        assert!(Shaft::new(&a, &b).is_clear(&diagonal(1.1)));
+        assert!(!Shaft::new(&a, &b).is_clear(&diagonal(0.9)));
+    }
+
+    #[test]
+    fn walls_that_the_surfels_lie_on_do_not_block() {
+        // A floor and a wall that meet in an edge, both bent backwards a little: not convex.
+        let floor = [DVec3::ZERO, DVec3::new(2.0, 0.0, 0.1), DVec3::new(0.0, 2.0, 0.1)];
+        let occluders = single(floor);
+        let on_floor = |face| {
+            vec![surfel(DVec3::new(0.5, 0.5, 0.06), face), surfel(DVec3::new(0.2, 0.5, 0.02), face)]
+        };
+        let wall = corners(DVec3::new(0.0, 0.0, 0.5), DVec3::new(0.0, 1.0, 1.0), NO_FACE);
+        assert!(!Shaft::new(&on_floor(NO_FACE), &wall).is_clear(&occluders));
+        assert!(Shaft::new(&on_floor(5), &wall).is_clear(&occluders));
+        assert!(Shaft::new(&wall, &on_floor(5)).is_clear(&occluders));
+        // Exactly on the plane, without a word about faces.
+        let flat = single([DVec3::ZERO, DVec3::X * 2.0, DVec3::Y * 2.0]);
+        let touching = corners(DVec3::ZERO, DVec3::new(1.0, 1.0, 0.0), NO_FACE);
+        assert!(Shaft::new(&touching, &wall).is_clear(&flat));
+    }
+
+    /// Surfels of one cell: mostly of one face, on a lattice that the triangles share or not.
+    fn end() -> impl Strategy<Value = Vec<Surfel>> {
+        let unit = -1.0f64..1.0;
+        let centre = prop::array::uniform3(unit.clone());
+        let size = prop::array::uniform3(0.0f64..0.25);
+        let inside = (prop::array::uniform3(unit), prop::bool::weighted(0.1));
+        let inside = prop::collection::vec(inside, 1..6);
+        (centre, size, inside, 0u32..5, prop::bool::ANY).prop_map(
+            |(centre, size, inside, face, lattice)| {
+                let place = |p: [f64; 3]| {
+                    let p = DVec3::from(centre) + DVec3::from(p) * DVec3::from(size);
+                    if lattice { (p * 4.0).round() / 4.0 } else { p }
+                };
+                let number = |stray: bool| (face + u32::from(stray)) % 5;
+                let face = |stray| if number(stray) == 4 { NO_FACE } else { number(stray) };
+                inside.into_iter().map(|(p, stray)| surfel(place(p), face(stray))).collect()
+            },
+        )
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(2000))]
+        #[test]
+        fn no_segment_of_a_clear_shaft_is_blocked(
+            triangles in triangles(), t in end(), s in end(),
+        ) {
+            let occluders = Occluders::new(&triangles).unwrap();
+            if Shaft::new(&t, &s).is_clear(&occluders) {
+                for (x, y) in t.iter().flat_map(|x| s.iter().map(move |y| (x, y))) {
+                    prop_assert!(!occluders.blocked(x.position, y.position, [x.face, y.face]));
+                }
+            }
+        }
+
+        #[test]
+        fn the_planes_hold_every_segment_and_nothing_else(
+            t in end(), s in end(), along in 0.0f64..1.0, p in prop::array::uniform3(-1.5f64..1.5),
+        ) {
+            let shaft = Shaft::new(&t, &s);
+            let p = DVec3::from(p);
+            let holds = |p: DVec3| shaft.meets(&Bounds::of([p.to_array()]));
+            for (x, y) in t.iter().flat_map(|x| s.iter().map(move |y| (x, y))) {
+                prop_assert!(holds(x.position.lerp(y.position, along)));
+            }
+            // p lies in the hull iff some τ puts it into the box (1−τ)a + τb: linear in τ, so the
+            // interval of good τ can be written down per axis.
+            let [a, b] = &shaft.bounds;
+            let (mut low, mut high) = (0.0f64, 1.0f64);
+            for k in 0..3 {
+                for (a, b, sign) in [(a.low[k], b.low[k], 1.0), (a.high[k], b.high[k], -1.0)] {
+                    let (value, slope) = (sign * (p[k] - a), sign * (a - b));
+                    // value + slope·τ ≥ 0
+                    if slope > 0.0 { low = low.max(-value / slope) }
+                    else if slope < 0.0 { high = high.min(-value / slope) }
+                    else if value < 0.0 { high = -1.0 }
+                }
+            }
+            prop_assert_eq!(holds(p), low <= high);
+        }
+    }
+}

@@ -1,0 +1,392 @@
+//! The elements that a scene is cut into.
+
+use farfield_radiosity::{Element, Patch, Surfel, Triangle};
+use glam::DVec3;
+
+use crate::scene::Scene;
+use crate::scene::error::SceneError;
+use crate::scene::geometry::{area, fan, regular_polygon};
+use crate::scene::surface::{ScenePoint, Surface};
+
+/// How many elements a mesh may have.
+pub(crate) const MOST_ELEMENTS: usize = 4_000_000;
+
+/// A scene in elements.
+#[derive(Clone, Debug, Default)]
+#[non_exhaustive]
+pub struct Mesh {
+    /// The elements; the two sides of a sheet are two elements with opposite normals.
+    pub elements: Vec<Element>,
+    /// For each element, the index of its surface, or the number of surfaces plus the index of its point.
+    pub origin: Vec<u32>,
+    /// For each element, the index of its material.
+    pub material: Vec<u32>,
+    /// What hides: the surfaces, and hexagons for points, in triangles.
+    pub triangles: Vec<Triangle>,
+}
+
+/// Into how many pieces the edges of a surface are cut: those from its first corner to its second and
+/// from its first to its last. A triangle's edges are all cut alike, as the first number says.
+pub type Cuts = [u32; 2];
+
+impl Mesh {
+    /// A scene in about `elements` elements of nearly equal size, by [`even_cuts`].
+    ///
+    /// # Errors
+    /// Those of [`even_cuts`] and [`Mesh::with_cuts`].
+    pub fn new(scene: &Scene, elements: usize) -> Result<Self, SceneError> {
+        Self::with_cuts(scene, &even_cuts(scene, elements)?)
+    }
+
+    /// A scene whose surfaces are cut as given: quadrilaterals into grids, triangles into rows of similar
+    /// ones. First come the elements of surfaces, the backs of one, if it is two-sided, after its fronts
+    /// in the same order; then those of points.
+    ///
+    /// # Errors
+    /// [`SceneError::Cuts`] unless there is one entry of positive numbers for each surface,
+    /// [`SceneError::TooManyElements`], or [`SceneError::Surface`] for a surface that isn't flat and
+    /// convex.
+    pub fn with_cuts(scene: &Scene, cuts: &[Cuts]) -> Result<Self, SceneError> {
+        if cuts.len() != scene.surfaces.len() || cuts.iter().flatten().any(|&cut| cut == 0) {
+            let (found, expected) = (cuts.len(), scene.surfaces.len());
+            return Err(SceneError::Cuts { found, expected });
+        }
+        let found = count(scene, cuts.iter().copied());
+        if found > MOST_ELEMENTS as f64 {
+            return Err(SceneError::TooManyElements { found, limit: MOST_ELEMENTS });
+        }
+        let mut mesh = Self::default();
+        for (index, (surface, &cuts)) in scene.surfaces.iter().zip(cuts).enumerate() {
+            let two_sided = scene.materials[surface.material].two_sided;
+            let added = mesh.add_surface(index, surface, cuts, two_sided);
+            added.map_err(|source| SceneError::Surface { index, source })?;
+        }
+        // Disks are faces of their own, after those of the surfaces.
+        let faces = scene.surfaces.iter().map(|surface| surface.face);
+        let free = faces.filter(|&face| face != Surfel::<f64>::NO_FACE).max().map_or(0, |f| f + 1);
+        for (index, point) in scene.points.iter().enumerate() {
+            let origin = (scene.surfaces.len() + index) as u32;
+            let two_sided = scene.materials[point.material].two_sided;
+            mesh.add_point(origin, point, free + index as u32, two_sided);
+        }
+        Ok(mesh)
+    }
+
+    fn add_surface(
+        &mut self,
+        index: usize,
+        surface: &Surface,
+        cuts: Cuts,
+        two_sided: bool,
+    ) -> Result<(), farfield_radiosity::Error> {
+        let pieces = pieces(&surface.corners, cuts);
+        let backs = pieces.iter().filter(|_| two_sided);
+        let backs = backs.map(|piece| piece.iter().rev().copied().collect());
+        for corners in pieces.iter().cloned().chain(backs) {
+            let element = Element::patch(Patch::new(&corners)?, surface.face);
+            self.add(element, index as u32, surface.material);
+        }
+        self.add_triangles(&surface.corners, surface.face);
+        Ok(())
+    }
+
+    fn add_point(&mut self, origin: u32, point: &ScenePoint, face: u32, two_sided: bool) {
+        let ScenePoint { position, normal, area, material } = *point;
+        self.add(Element::disk(Surfel { position, normal, area, face }), origin, material);
+        if two_sided {
+            let back = Surfel { position, normal: -normal, area, face };
+            self.add(Element::disk(back), origin, material);
+        }
+        self.add_triangles(&regular_polygon::<6>(position, normal, area), face);
+    }
+
+    fn add_triangles(&mut self, corners: &[DVec3], face: u32) {
+        self.triangles.extend(fan(corners).map(|vertices| Triangle { vertices, face }));
+    }
+
+    fn add(&mut self, element: Element, origin: u32, material: usize) {
+        self.elements.push(element);
+        self.origin.push(origin);
+        self.material.push(material as u32);
+    }
+}
+
+/// The pieces of a triangle or quadrilateral, each with the orientation of the whole.
+///
+/// A quadrilateral is cut into a bilinear grid: piece i·nv + j covers u ∈ [i, i+1]/nu and
+/// v ∈ [j, j+1]/nv, where u runs from the first corner to the second, v from the first to the fourth.
+/// A triangle is cut into n² similar ones, row by row from its first corner to its second.
+pub(crate) fn pieces(corners: &[DVec3], [nu, nv]: Cuts) -> Vec<Vec<DVec3>> {
+    let mut pieces = Vec::new();
+    match *corners {
+        [a, b, c] => {
+            let n = nu;
+            let at = |i: u32, j: u32| {
+                // Exact at the corners, and alike on both sides of a shared edge.
+                let weights = [n - i - j, i, j].map(|weight| f64::from(weight) / f64::from(n));
+                a * weights[0] + b * weights[1] + c * weights[2]
+            };
+            for i in 0..n {
+                for j in 0..n - i {
+                    pieces.push(vec![at(i, j), at(i + 1, j), at(i, j + 1)]);
+                    if i + j + 1 < n {
+                        pieces.push(vec![at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)]);
+                    }
+                }
+            }
+        }
+        [a, b, c, d] => {
+            let at = |i: u32, j: u32| {
+                let (u, v) = (f64::from(i) / f64::from(nu), f64::from(j) / f64::from(nv));
+                a.lerp(b, u).lerp(d.lerp(c, u), v)
+            };
+            for i in 0..nu {
+                for j in 0..nv {
+                    pieces.push(vec![at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)]);
+                }
+            }
+        }
+        _ => (),
+    }
+    pieces
+}
+
+/// The number among [`pieces`] of the one in row i and column j: of a triangle, of those that are not
+/// turned. None beyond the last.
+pub(crate) fn piece_number(corners: usize, [nu, nv]: Cuts, [i, j]: [u32; 2]) -> Option<usize> {
+    let number = match corners {
+        3 if i + j < nu => 2 * nu * i - i * i + 2 * j,
+        4 if i < nu && j < nv => i * nv + j,
+        _ => return None,
+    };
+    Some(number as usize)
+}
+
+/// How many elements surfaces with these cuts, and points, come to.
+fn count(scene: &Scene, cuts: impl Iterator<Item = Cuts>) -> f64 {
+    let sides = |material: usize| if scene.materials[material].two_sided { 2.0 } else { 1.0 };
+    let of_surface = |(surface, [nu, nv]): (&Surface, Cuts)| {
+        let last = if surface.corners.len() == 3 { nu } else { nv };
+        sides(surface.material) * f64::from(nu) * f64::from(last)
+    };
+    let surfaces: f64 = scene.surfaces.iter().zip(cuts).map(of_surface).sum();
+    surfaces + scene.points.iter().map(|point| sides(point.material)).sum::<f64>()
+}
+
+/// The cuts that make about `elements` elements of nearly equal size: more only if it takes more to have
+/// one for every side of every surface and point, and fewer where many surfaces of equal size would go
+/// from too few to too many at once.
+///
+/// # Errors
+/// What [`Scene::check`] refuses, and [`SceneError::TooManyElements`] if too many are asked for.
+pub fn even_cuts(scene: &Scene, elements: usize) -> Result<Vec<Cuts>, SceneError> {
+    if elements > MOST_ELEMENTS {
+        let (found, limit) = (elements as f64, MOST_ELEMENTS);
+        return Err(SceneError::TooManyElements { found, limit });
+    }
+    scene.check()?;
+    let lengths: Vec<_> = scene.surfaces.iter().map(edge_lengths).collect();
+    let cuts = |edge: f64| lengths.iter().map(move |lengths| lengths.map(|l| pieces_of(l, edge)));
+    let fits = |edge: f64| count(scene, cuts(edge)) <= elements as f64;
+    // No surface is cut at all if elements may be as long as the longest of them.
+    let mut high = lengths.iter().flatten().copied().fold(0.0, f64::max);
+    if !fits(high) {
+        return Ok(cuts(high).collect());
+    }
+    let mut low = high;
+    while low > 0.0 && fits(low) {
+        high = low;
+        low *= 0.5;
+    }
+    for _ in 0..BISECTIONS {
+        let edge = 0.5 * (low + high);
+        if fits(edge) {
+            high = edge;
+        } else {
+            low = edge;
+        }
+    }
+    Ok(cuts(high).collect())
+}
+
+/// How often the edge of elements is bisected, down to a thousandth.
+const BISECTIONS: usize = 10;
+
+/// Into how many pieces of about the length `edge` to cut a length.
+fn pieces_of(length: f64, edge: f64) -> u32 {
+    // Saturates where there would be more pieces than numbers.
+    (length / edge).round().max(1.0) as u32
+}
+
+/// Mean lengths of a quadrilateral across and along. For a triangle the edge of the square of
+/// the same area, so that its pieces are as large as those of quadrilaterals.
+pub(crate) fn edge_lengths(surface: &Surface) -> [f64; 2] {
+    match surface.corners[..] {
+        [a, b, c, d] => {
+            [0.5 * (a.distance(b) + d.distance(c)), 0.5 * (a.distance(d) + b.distance(c))]
+        }
+        _ => [area(surface).sqrt(); 2],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::generators::{GENERATORS, generate};
+    use crate::scene::geometry::vector_area;
+    use crate::scene::material::Material;
+
+    fn single(corners: &[DVec3], two_sided: bool) -> Scene {
+        let material = Material { two_sided, ..Material::grey() };
+        let surface = Surface { corners: corners.to_vec(), material: 0, face: 3 };
+        Scene { materials: vec![material], surfaces: vec![surface], ..Scene::default() }
+    }
+
+    fn rectangle(x: f64, y: f64) -> [DVec3; 4] {
+        [DVec3::ZERO, DVec3::X * x, DVec3::new(x, y, 0.0), DVec3::Y * y]
+    }
+
+    fn cloud(two_sided: bool) -> Scene {
+        let mut scene = single(&rectangle(2.0, 1.0), two_sided);
+        let normal = DVec3::new(0.6, 0.0, 0.8);
+        let position = DVec3::new(1.0, 2.0, 3.0);
+        scene.points = vec![ScenePoint { position, normal, area: 0.7, material: 0 }; 3];
+        scene
+    }
+
+    #[test]
+    fn pieces_fill_their_surface_and_look_the_same_way() {
+        let trapezium =
+            [DVec3::ZERO, DVec3::X * 3.0, DVec3::new(2.0, 1.0, 1.0), DVec3::new(1.0, 1.0, 1.0)];
+        let triangle = [DVec3::ONE, DVec3::X * 3.0, DVec3::Y];
+        for (corners, cuts, number) in [
+            (&trapezium[..], [4, 7], 28),
+            (&trapezium[..], [1, 1], 1),
+            (&triangle[..], [5, 1], 25),
+            (&triangle[..], [1, 9], 1),
+        ] {
+            let pieces = pieces(corners, cuts);
+            assert_eq!(pieces.len(), number);
+            let whole = vector_area(corners);
+            let sum: DVec3 = pieces.iter().map(|piece| vector_area(piece)).sum();
+            assert!(sum.distance(whole) < 1e-14);
+            assert!(pieces.iter().all(|piece| {
+                let area = vector_area(piece);
+                area.angle_between(whole) < 1e-7 && piece.len() == corners.len()
+            }));
+        }
+        let similar = pieces(&triangle, [4, 4]);
+        let area = vector_area(&triangle).length() / 16.0;
+        assert!(similar.iter().all(|piece| (vector_area(piece).length() - area).abs() < 1e-15));
+        assert!(pieces(&triangle[..2], [1, 1]).is_empty());
+    }
+
+    #[test]
+    fn generated_scenes_keep_their_area_and_have_about_as_many_elements_as_asked_for() {
+        for name in GENERATORS {
+            let scene = generate(name).expect("listed");
+            let sides = |s: &Surface| if scene.materials[s.material].two_sided { 2.0 } else { 1.0 };
+            let total: f64 = scene.surfaces.iter().map(|s| sides(s) * area(s)).sum();
+            let least = scene.surfaces.iter().map(sides).sum::<f64>() as usize;
+            for asked in [1, 3_000, 10_000, 30_000] {
+                let mesh = Mesh::new(&scene, asked).expect("valid");
+                let found = mesh.elements.len();
+                assert!(found <= asked.max(least), "{name} {asked}: {found}");
+                // Equal triangles, as in spheres, all go from n² to (n + 1)² pieces at once.
+                let few = if ["sphere", "bowl"].contains(&name) { 0.25 } else { 0.85 };
+                assert!(found as f64 >= few * asked as f64, "{name} {asked}: {found}");
+                let sum: f64 = mesh.elements.iter().map(|e| e.surfel().area).sum();
+                assert!((sum / total - 1.0).abs() < 1e-12, "{name} {asked}");
+                assert_eq!((mesh.origin.len(), mesh.material.len()), (found, found));
+            }
+        }
+    }
+
+    #[test]
+    fn elements_know_their_surface_its_material_and_its_face() {
+        let scene = generate("columns").expect("listed");
+        let mesh = Mesh::new(&scene, 3_000).expect("valid");
+        let mut seen = vec![false; scene.surfaces.len()];
+        for ((element, &origin), &material) in
+            mesh.elements.iter().zip(&mesh.origin).zip(&mesh.material)
+        {
+            let surface = &scene.surfaces[origin as usize];
+            seen[origin as usize] = true;
+            assert_eq!(surface.material, material as usize);
+            let surfel = element.surfel();
+            assert_eq!(surface.face, surfel.face);
+            let normal = vector_area(&surface.corners).normalize();
+            assert!(surfel.normal.distance(normal) < 1e-7);
+            assert!(normal.dot(surfel.position - surface.corners[0]).abs() < 1e-9);
+        }
+        assert!(seen.iter().all(|&seen| seen));
+        let occluders: f64 = mesh.triangles.iter().map(|t| vector_area(&t.vertices).length()).sum();
+        let total: f64 = scene.surfaces.iter().map(area).sum();
+        assert!((occluders / total - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn elements_are_nearly_square() {
+        let mesh = Mesh::new(&single(&rectangle(6.0, 1.0), false), 700).expect("valid");
+        let mut sides = mesh.elements.iter().map(|element| {
+            let corners = element.as_patch().expect("a patch").corners();
+            corners[0].distance(corners[1]) / corners[0].distance(corners[3])
+        });
+        assert!(sides.all(|ratio| (ratio - 1.0).abs() < 0.1));
+    }
+
+    #[test]
+    fn two_sided_surfaces_have_backs() {
+        for (corners, number) in [(&rectangle(2.0, 1.0)[..], 72), (&rectangle(2.0, 1.0)[..3], 50)] {
+            let scene = single(corners, true);
+            let mesh = Mesh::new(&scene, number + 1).expect("valid");
+            assert_eq!(mesh.elements.len(), number);
+            let (fronts, backs) = mesh.elements.split_at(number / 2);
+            for (front, back) in fronts.iter().zip(backs) {
+                let (front, back) = (front.surfel(), back.surfel());
+                assert!(front.normal.distance(DVec3::Z) < 1e-15 && back.normal == -front.normal);
+                assert!(front.position.distance(back.position) < 1e-15);
+                assert_eq!((front.face, back.face), (3, 3));
+            }
+            assert_eq!(mesh.triangles.len(), corners.len() - 2);
+        }
+    }
+
+    #[test]
+    fn points_are_disks_that_hide_what_is_behind_them() {
+        for two_sided in [false, true] {
+            let scene = cloud(two_sided);
+            let sides = if two_sided { 2 } else { 1 };
+            let mesh = Mesh::new(&scene, 1).expect("valid");
+            assert_eq!(mesh.elements.len(), 4 * sides);
+            assert_eq!(mesh.origin[4 * sides - 1], 3);
+            let disks = &mesh.elements[sides..];
+            assert!(disks.iter().all(|disk| disk.as_patch().is_none()));
+            let faces: Vec<_> = disks.iter().step_by(sides).map(|d| d.surfel().face).collect();
+            assert_eq!(faces, [4, 5, 6]);
+            let hexagon: Vec<_> = mesh.triangles.iter().filter(|t| t.face == 5).collect();
+            let area: DVec3 = hexagon.iter().map(|t| vector_area(&t.vertices)).sum();
+            assert!(area.distance(0.7 * scene.points[1].normal) < 1e-15);
+            let centre: DVec3 = hexagon[1].vertices[0] + hexagon[1].vertices[2];
+            assert!((0.5 * centre).distance(scene.points[1].position) < 1e-15);
+        }
+    }
+
+    #[test]
+    fn too_many_elements_and_wrong_cuts_are_refused() {
+        let scene = single(&rectangle(1.0, 1.0), false);
+        let message = |result: Result<Mesh, SceneError>| result.expect_err("refused").to_string();
+        let refused = message(Mesh::new(&scene, MOST_ELEMENTS + 1));
+        assert_eq!(refused, "4000001 elements: expected 4000000 at most");
+        let refused = message(Mesh::with_cuts(&scene, &[[u32::MAX; 2]]));
+        assert_eq!(refused, "18446744065119617000 elements: expected 4000000 at most");
+        for cuts in [&[][..], &[[1, 0]], &[[1, 1], [1, 1]]] {
+            assert!(message(Mesh::with_cuts(&scene, cuts)).starts_with("cuts of "));
+        }
+        assert!(message(Mesh::new(&Scene::default(), 10)).contains("neither surfaces nor points"));
+        let mut bent = scene.clone();
+        bent.surfaces[0].corners[2].z = 0.5;
+        assert!(message(Mesh::new(&bent, 10)).starts_with("surface 0: "));
+        assert!(message(Mesh::with_cuts(&bent, &[[1, 1]])).starts_with("surface 0: "));
+    }
+}

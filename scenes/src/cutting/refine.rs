@@ -1,0 +1,212 @@
+//! Elements as small as a tolerance asks for, and no smaller.
+
+use crate::cutting::mesh::{Cuts, Mesh, edge_lengths, piece_number};
+use crate::scene::Scene;
+
+/// What a tolerance asks of a scene's surfaces.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct Refinement {
+    /// Into how many pieces to cut each surface.
+    pub cuts: Vec<Cuts>,
+    /// The estimated relative l2 error of one constant per element, as the mesh is now.
+    pub error: f64,
+}
+
+/// The most that a piece may be longer than wide.
+const MOST_ASPECT: f64 = 2.0;
+
+/// How much finer a surface gets at once, at most, along each edge.
+const STEP: f64 = 4.0;
+
+impl Refinement {
+    /// The cuts that bring the error of one constant per element down to `tolerance`, with at most about
+    /// `most` elements. `mesh` is the scene with the present `cuts`, and `values` is a field on it: any
+    /// number of bands per element, the elements one after the other.
+    ///
+    /// On a piece of edges a and b, the field is off its mean by ((a ∂_u f)² + (b ∂_v f)²)/12 in the mean
+    /// square. The slopes are differences of neighbours. With c that error of a surface at one piece,
+    /// n pieces leave c/n; the least number of pieces in all that leave the tolerance has n ∝ √c.
+    pub fn new(
+        scene: &Scene,
+        mesh: &Mesh,
+        cuts: &[Cuts],
+        values: &[f64],
+        tolerance: f64,
+        most: usize,
+    ) -> Self {
+        let bands = values.len() / mesh.elements.len().max(1);
+        let value = |element: usize| &values[element * bands..][..bands];
+        let areas = mesh.elements.iter().map(|element| element.surfel().area);
+        let size: f64 = areas
+            .enumerate()
+            .map(|(i, area)| area * value(i).iter().map(|v| v * v).sum::<f64>())
+            .sum();
+        let mut first = 0;
+        let errors: Vec<[f64; 2]> = scene
+            .surfaces
+            .iter()
+            .zip(cuts)
+            .map(|(surface, &cuts)| {
+                let sides = if scene.materials[surface.material].two_sided { 2 } else { 1 };
+                let count = mesh.origin[first..]
+                    .iter()
+                    .take_while(|&&origin| origin == mesh.origin[first])
+                    .count();
+                let mut errors = [0.0; 2];
+                for side in 0..sides {
+                    let start = first + side * count / sides;
+                    let along = slopes(surface.corners.len(), cuts, |piece| {
+                        let area = mesh.elements[start + piece].surfel().area;
+                        (area, value(start + piece))
+                    });
+                    errors = [errors[0] + along[0], errors[1] + along[1]];
+                }
+                first += count;
+                errors
+            })
+            .collect();
+        let total: f64 = errors.iter().flatten().sum();
+        let error = if size > 0.0 { (total / size).sqrt() } else { 0.0 };
+
+        // What each surface would be off by as one piece along either edge. Of a single piece nothing is
+        // known along its edge: there the field is taken to change as along the other one.
+        let whole = |k: usize| -> [f64; 2] {
+            let [u, v] =
+                std::array::from_fn(|axis| errors[k][axis] * f64::from(cuts[k][axis]).powi(2));
+            let [a, b] = edge_lengths(&scene.surfaces[k]);
+            match cuts[k] {
+                [2..=u32::MAX, 1] => [u, u * (b / a).powi(2)],
+                [1, 2..=u32::MAX] => [v * (a / b).powi(2), v],
+                _ => [u, v],
+            }
+        };
+        // As many along either edge as its slopes ask for, but no slivers: they are near to too many.
+        let ratio = |k: usize| {
+            // A triangle's edges are all cut alike.
+            if scene.surfaces[k].corners.len() == 3 {
+                return 1.0;
+            }
+            let ([u, v], [a, b]) = (whole(k), edge_lengths(&scene.surfaces[k]));
+            let ratio = if v > 0.0 { (u / v).sqrt() } else { f64::INFINITY };
+            let ratio = if u > 0.0 || v > 0.0 { ratio } else { a / b };
+            ratio.clamp(a / b / MOST_ASPECT, a / b * MOST_ASPECT)
+        };
+        let strengths: Vec<f64> = (0..cuts.len())
+            .map(|k| (whole(k)[0] / ratio(k) + whole(k)[1] * ratio(k)).sqrt())
+            .collect();
+        let wanted = strengths.iter().sum::<f64>() / (tolerance.powi(2) * size);
+        let fits = most as f64 / strengths.iter().sum::<f64>().max(f64::MIN_POSITIVE);
+        let per_strength = wanted.min(fits);
+        let cut = |k: usize| -> Cuts {
+            let pieces = strengths[k] * per_strength;
+            let along = [(pieces * ratio(k)).sqrt(), (pieces / ratio(k)).sqrt()];
+            std::array::from_fn(|axis| {
+                let now = f64::from(cuts[k][axis]);
+                along[axis].clamp(now / STEP, now * STEP).round().max(1.0) as u32
+            })
+        };
+        Self { cuts: (0..cuts.len()).map(cut).collect(), error }
+    }
+}
+
+/// The mean square deviations along the two edges, times area, of the pieces of one side of a surface
+/// with `corners` corners.
+fn slopes<'a>(corners: usize, cuts: Cuts, piece: impl Fn(usize) -> (f64, &'a [f64])) -> [f64; 2] {
+    let mut sums = [0.0; 2];
+    for i in 0..cuts[0] {
+        for j in 0..cuts[1] {
+            let Some(here) = piece_number(corners, cuts, [i, j]) else { continue };
+            let (area, value) = piece(here);
+            for axis in 0..2 {
+                let step = |by: i64| {
+                    let mut at = [i64::from(i), i64::from(j)];
+                    at[axis] += by;
+                    let at = [u32::try_from(at[0]).ok()?, u32::try_from(at[1]).ok()?];
+                    piece_number(corners, cuts, at).map(|other| piece(other).1)
+                };
+                let square = |a: &[f64], b: &[f64]| -> f64 {
+                    a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum()
+                };
+                let change = match (step(-1), step(1)) {
+                    (Some(before), Some(after)) => square(before, after) / 4.0,
+                    (Some(other), None) | (None, Some(other)) => square(value, other),
+                    (None, None) => 0.0,
+                };
+                sums[axis] += area * change / 12.0;
+            }
+        }
+    }
+    sums
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cutting::mesh::even_cuts;
+    use crate::scene::material::Material;
+    use crate::scene::surface::Surface;
+    use glam::DVec3;
+
+    /// A floor of 2 × 1 and a triangle beside it.
+    fn scene() -> Scene {
+        let quad = [[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [0.0, 1.0]];
+        let triangle = [[3.0, 0.0], [5.0, 0.0], [3.0, 2.0]];
+        let surface = |corners: &[[f64; 2]]| Surface {
+            corners: corners.iter().map(|[x, y]| DVec3::new(*x, *y, 0.0)).collect(),
+            material: 0,
+            face: 0,
+        };
+        Scene {
+            materials: vec![Material::grey()],
+            surfaces: vec![surface(&quad), surface(&triangle)],
+            ..Scene::default()
+        }
+    }
+
+    fn refined(elements: usize, tolerance: f64, most: usize) -> (Refinement, f64) {
+        let scene = scene();
+        let cuts = even_cuts(&scene, elements).expect("cuts");
+        let mesh = Mesh::with_cuts(&scene, &cuts).expect("a mesh");
+        let field = |p: DVec3| 1.0 + p.x;
+        let values: Vec<f64> =
+            mesh.elements.iter().map(|element| field(element.surfel().position)).collect();
+        // Off the mean of each piece, by a rule that is exact for linear fields.
+        let mut squares = [0.0; 2];
+        for (element, value) in mesh.elements.iter().zip(&values) {
+            let corners = element.as_patch().expect("a patch").corners();
+            let area = element.surfel().area;
+            // Mean squares of linear functions of mean 0, by their values at the corners.
+            let off: f64 = corners.iter().map(|c| (field(*c) - value).powi(2)).sum();
+            squares[0] += area * off / 12.0;
+            squares[1] += area * value * value;
+        }
+        let refinement = Refinement::new(&scene, &mesh, &cuts, &values, tolerance, most);
+        (refinement, (squares[0] / squares[1]).sqrt())
+    }
+
+    #[test]
+    fn the_error_of_constants_is_known_and_falls_to_the_tolerance() {
+        let (coarse, error) = refined(60, 0.02, 100_000);
+        assert!((coarse.error / error - 1.0).abs() < 0.3, "{} {error}", coarse.error);
+        let scene = scene();
+        let mesh = Mesh::with_cuts(&scene, &coarse.cuts).expect("a mesh");
+        let values: Vec<f64> =
+            mesh.elements.iter().map(|element| 1.0 + element.surfel().position.x).collect();
+        let fine = Refinement::new(&scene, &mesh, &coarse.cuts, &values, 0.02, 100_000);
+        assert!(fine.error < 0.025 && fine.error > 0.01, "{}", fine.error);
+    }
+
+    #[test]
+    fn the_cap_holds_and_even_light_needs_few_elements() {
+        let (capped, _) = refined(60, 1e-4, 400);
+        let mesh = Mesh::with_cuts(&scene(), &capped.cuts).expect("a mesh");
+        assert!((200..500).contains(&mesh.elements.len()), "{}", mesh.elements.len());
+        let scene = scene();
+        let cuts = even_cuts(&scene, 60).expect("cuts");
+        let mesh = Mesh::with_cuts(&scene, &cuts).expect("a mesh");
+        let even = vec![1.0; mesh.elements.len()];
+        let refinement = Refinement::new(&scene, &mesh, &cuts, &even, 0.01, 1000);
+        assert_eq!(refinement.error, 0.0);
+    }
+}

@@ -1,0 +1,232 @@
+//! Putting together what a scene description asks for.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use glam::{DAffine3, DQuat, DVec3};
+
+use crate::formats::description::{Camera, Description, Finish, MeshFile, Rotation};
+use crate::formats::mesh_file::read_mesh;
+use crate::formats::text::read_text;
+use crate::generators::{GENERATORS, generate};
+use crate::scene::Scene;
+use crate::scene::error::SceneError;
+use crate::scene::geometry::is_watertight;
+use crate::scene::material::{Material, RGB_BANDS};
+use crate::scene::surface::Surface;
+use crate::scene::viewpoint::Viewpoint;
+
+/// The scene that a TOML file describes. The names of mesh files start from its folder.
+///
+/// # Errors
+/// [`SceneError::Toml`] for what isn't a description, [`SceneError::File`] for one that makes no
+/// sense, or whatever is wrong with a mesh.
+pub(crate) fn read(path: &Path) -> Result<Scene, SceneError> {
+    let text = read_text(path)?;
+    let description: Description = toml::from_str(&text)
+        .map_err(|source| SceneError::Toml { path: path.to_owned(), source: Box::new(source) })?;
+    Assembly::new(path, &description)?.assemble(description)
+}
+
+/// A described scene in the making.
+struct Assembly<'a> {
+    path: &'a Path,
+    scene: Scene,
+    /// Index of the first of the materials that the description defines, which are in the order of
+    /// their names.
+    first: usize,
+    faces: u32,
+}
+
+impl<'a> Assembly<'a> {
+    /// The generated scene, if any, with the materials of the description in the file `path`.
+    ///
+    /// # Errors
+    /// [`SceneError::File`] if there is no such generated scene, or whatever is wrong with a material.
+    pub(crate) fn new(path: &'a Path, description: &Description) -> Result<Self, SceneError> {
+        let mut assembly = Self { path, scene: Scene::default(), first: 0, faces: 0 };
+        if let Some(name) = &description.generator {
+            let generated = generate(name);
+            assembly.scene = generated.ok_or_else(|| {
+                let names = GENERATORS.join(", ");
+                assembly.refusal(format!("one of {names} as generator, found `{name}`"))
+            })?;
+        }
+        let scene = &mut assembly.scene;
+        assembly.faces = scene.surfaces.iter().map(|s| s.face + 1).max().unwrap_or(0);
+        assembly.first = scene.materials.len();
+        scene.materials.extend(description.materials.iter().map(|(name, finish)| Material {
+            name: name.clone(),
+            reflectance: finish.reflectance.clone(),
+            emission:
+                finish.emission.clone().unwrap_or_else(|| vec![0.0; finish.reflectance.len()]),
+            temperature: finish.temperature,
+            two_sided: finish.two_sided,
+        }));
+        let bands = if assembly.first > 0 { RGB_BANDS } else { scene.bands() };
+        scene.materials.iter().try_for_each(|material| material.check(bands))?;
+        Ok(assembly)
+    }
+
+    /// Adds everything else.
+    ///
+    /// # Errors
+    /// [`SceneError::File`] for what makes no sense, or whatever is wrong with a mesh file.
+    pub(crate) fn assemble(mut self, description: Description) -> Result<Scene, SceneError> {
+        for mesh in &description.mesh {
+            self.add_mesh(mesh, &description.materials)?;
+        }
+        for quad in &description.quad {
+            let material = self.named(&quad.material, &description.materials)?;
+            self.scene.closed &= self.scene.materials[material].two_sided;
+            let corners = quad.corners.map(DVec3::from_array).to_vec();
+            self.scene.surfaces.push(Surface { corners, material, face: self.faces });
+            self.faces += 1;
+        }
+        if let Some(camera) = &description.camera {
+            self.scene.camera = Some(self.viewpoint(camera)?);
+        }
+        if let Some(closed) = description.closed {
+            self.scene.closed = closed;
+        }
+        let units = description.units;
+        if !(units > 0.0 && units.is_finite()) {
+            return Err(
+                self.refusal(format!("a positive number of metres as units, found {units}"))
+            );
+        }
+        scale(&mut self.scene, units);
+        Ok(self.scene)
+    }
+
+    fn add_mesh(
+        &mut self,
+        mesh: &MeshFile,
+        finishes: &BTreeMap<String, Finish>,
+    ) -> Result<(), SceneError> {
+        let place = self.transform(mesh)?;
+        let folder = self.path.parent().unwrap_or(Path::new(""));
+        let mut part = read_mesh(&folder.join(&mesh.file))?;
+        let first = self.scene.materials.len();
+        let material = match &mesh.material {
+            Some(name) => Some(self.named(name, finishes)?),
+            None => None,
+        };
+        match (material, mesh.two_sided) {
+            (Some(material), None) => self.give(&mut part, |_| material),
+            (Some(material), Some(two_sided)) => {
+                let finish = self.scene.materials[material].clone();
+                self.scene.materials.push(Material { two_sided, ..finish });
+                self.give(&mut part, |_| first);
+            }
+            (None, two_sided) => {
+                let own = part.materials.drain(..).map(|material| Material {
+                    two_sided: two_sided.unwrap_or(material.two_sided),
+                    ..material
+                });
+                self.scene.materials.extend(own);
+                self.give(&mut part, |material| first + material);
+            }
+        }
+        let materials = &self.scene.materials;
+        let two_sided = part.surfaces.iter().all(|s| materials[s.material].two_sided)
+            && part.points.iter().all(|p| materials[p.material].two_sided);
+        // Light that arrives at the back of an open sheet is lost.
+        let sealed = part.points.is_empty() && is_watertight(&part.surfaces);
+        self.scene.closed &= sealed || two_sided;
+        for surface in &mut part.surfaces {
+            surface.corners.iter_mut().for_each(|p| *p = place.transform_point3(*p));
+            surface.face += self.faces;
+        }
+        for point in &mut part.points {
+            point.position = place.transform_point3(point.position);
+            point.normal = place.transform_vector3(point.normal).normalize_or_zero();
+            point.area *= mesh.scale * mesh.scale;
+        }
+        self.faces = part.surfaces.iter().map(|s| s.face + 1).max().unwrap_or(self.faces);
+        self.scene.surfaces.append(&mut part.surfaces);
+        self.scene.points.append(&mut part.points);
+        // A description's material takes the place of what the file lacks.
+        let kept = |repair: &&String| mesh.material.is_none() || !repair.contains("material");
+        let kept = part.repairs.iter().filter(kept);
+        let repairs = kept.map(|repair| format!("{}: {repair}", mesh.file));
+        self.scene.repairs.extend(repairs);
+        Ok(())
+    }
+
+    /// Changes the materials of all that is in a scene.
+    fn give(&self, part: &mut Scene, material: impl Fn(usize) -> usize) {
+        part.surfaces.iter_mut().for_each(|s| s.material = material(s.material));
+        part.points.iter_mut().for_each(|p| p.material = material(p.material));
+    }
+
+    /// Where a mesh goes.
+    fn transform(&self, mesh: &MeshFile) -> Result<DAffine3, SceneError> {
+        let MeshFile { file, scale, translate, .. } = mesh;
+        if !(*scale > 0.0 && scale.is_finite()) {
+            return Err(self.refusal(format!("a positive scale of {file}, found {scale}")));
+        }
+        let translation = DVec3::from_array(*translate);
+        if !translation.is_finite() {
+            return Err(self.refusal(format!("a finite translation of {file}")));
+        }
+        let rotation = match &mesh.rotate {
+            None => DQuat::IDENTITY,
+            Some(Rotation { axis, degrees }) => {
+                let axis = DVec3::from_array(*axis).try_normalize();
+                match axis.filter(|_| degrees.is_finite()) {
+                    Some(axis) => DQuat::from_axis_angle(axis, degrees.to_radians()),
+                    None => {
+                        let expected = format!("an axis and a finite angle to rotate {file}");
+                        return Err(self.refusal(expected));
+                    }
+                }
+            }
+        };
+        Ok(DAffine3::from_scale_rotation_translation(DVec3::splat(*scale), rotation, translation))
+    }
+
+    /// The index of a material of the description or, failing that, of the generated scene.
+    fn named(&self, name: &str, finishes: &BTreeMap<String, Finish>) -> Result<usize, SceneError> {
+        let own = finishes.keys().position(|own| own == name).map(|k| self.first + k);
+        let generated = &self.scene.materials[..self.first];
+        let index = own.or_else(|| generated.iter().position(|material| material.name == name));
+        index.ok_or_else(|| {
+            let known: Vec<_> = finishes
+                .keys()
+                .chain(generated.iter().map(|m| &m.name))
+                .map(String::as_str)
+                .collect();
+            let expected = format!("one of the materials [{}], found `{name}`", known.join(", "));
+            self.refusal(expected)
+        })
+    }
+
+    fn viewpoint(&self, camera: &Camera) -> Result<Viewpoint, SceneError> {
+        let [eye, target, up] = [camera.eye, camera.target, camera.up].map(DVec3::from_array);
+        let degrees = camera.fov_degrees;
+        if !(degrees > 0.0 && degrees < 180.0) {
+            let expected = format!("a field of view between 0 and 180 degrees, found {degrees}");
+            return Err(self.refusal(expected));
+        }
+        let film_over_focal = 2.0 * (0.5 * degrees.to_radians()).tan();
+        Ok(Viewpoint { eye, target, up, film_over_focal })
+    }
+
+    fn refusal(&self, expected: String) -> SceneError {
+        SceneError::File { path: self.path.to_owned(), expected }
+    }
+}
+
+/// Scales all lengths.
+fn scale(scene: &mut Scene, factor: f64) {
+    scene.surfaces.iter_mut().flat_map(|s| &mut s.corners).for_each(|p| *p *= factor);
+    for point in &mut scene.points {
+        point.position *= factor;
+        point.area *= factor * factor;
+    }
+    if let Some(camera) = &mut scene.camera {
+        camera.eye *= factor;
+        camera.target *= factor;
+    }
+}

@@ -1,0 +1,37 @@
+//! Mesh files by the ending of their names.
+
+use std::path::Path;
+
+use crate::formats::{obj, off, ply, stl};
+use crate::generators::GENERATORS;
+use crate::scene::Scene;
+use crate::scene::error::SceneError;
+
+/// The scene in a mesh file.
+///
+/// # Errors
+/// [`SceneError::Unknown`] if its name ends otherwise than those of such files, or whatever is wrong
+/// with it.
+pub(crate) fn read_mesh(path: &Path) -> Result<Scene, SceneError> {
+    match ending(path).as_str() {
+        "obj" => obj::read(path),
+        "stl" => stl::read(path),
+        "ply" => ply::read(path),
+        "off" => off::read(path),
+        _ => Err(SceneError::Unknown {
+            name: path.display().to_string(),
+            generators: GENERATORS.join(", "),
+            endings: format!(".{}, .{DESCRIPTION}", MESHES.join(", .")),
+        }),
+    }
+}
+
+/// How the names of mesh files end.
+const MESHES: [&str; 4] = ["obj", "stl", "ply", "off"];
+/// How the names of scene descriptions end.
+pub(crate) const DESCRIPTION: &str = "toml";
+
+/// What a file name ends in, in lower case.
+pub(crate) fn ending(path: &Path) -> String {
+    path.extension().unwrap_or_default().to_string_lossy().to_lowercase()
+}

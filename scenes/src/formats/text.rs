@@ -1,0 +1,148 @@
+//! Text files, line by line and word by word.
+
+use std::fs;
+use std::path::Path;
+
+use glam::DVec3;
+
+use crate::scene::error::SceneError;
+
+/// The bytes of a file.
+///
+/// # Errors
+/// [`SceneError::Read`] if the system can't read it.
+pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>, SceneError> {
+    fs::read(path).map_err(|source| SceneError::Read { path: path.to_owned(), source })
+}
+
+/// The text of a file; what isn't UTF-8 in it, names mostly, is replaced.
+///
+/// # Errors
+/// [`SceneError::Read`] if the system can't read it.
+pub(crate) fn read_text(path: &Path) -> Result<String, SceneError> {
+    Ok(String::from_utf8_lossy(&read_bytes(path)?).into_owned())
+}
+
+/// The lines of a text that say something.
+#[derive(Clone, Debug)]
+pub(crate) struct Lines<'a> {
+    path: &'a Path,
+    rest: std::iter::Enumerate<std::str::Lines<'a>>,
+    last: usize,
+}
+
+/// A line in words.
+#[derive(Clone, Debug)]
+pub(crate) struct Line<'a> {
+    path: &'a Path,
+    number: usize,
+    /// Its words up to a comment; at least one.
+    pub(crate) words: Vec<&'a str>,
+}
+
+impl<'a> Lines<'a> {
+    /// The lines of `text`, which is that of the file `path`.
+    pub(crate) fn new(path: &'a Path, text: &'a str) -> Self {
+        Self { path, rest: text.lines().enumerate(), last: 1 }
+    }
+
+    /// The next line.
+    ///
+    /// # Errors
+    /// [`SceneError::Line`] at the end of the file, with `expected`.
+    pub(crate) fn expect(&mut self, expected: &str) -> Result<Line<'a>, SceneError> {
+        self.next().ok_or_else(|| SceneError::Line {
+            path: self.path.to_owned(),
+            line: self.last,
+            expected: format!("{expected}, found the end of the file"),
+        })
+    }
+}
+
+impl<'a> Iterator for Lines<'a> {
+    type Item = Line<'a>;
+
+    fn next(&mut self) -> Option<Line<'a>> {
+        let path = self.path;
+        let line = self.rest.find_map(|(index, line)| {
+            let said = line.split('#').next().unwrap_or_default();
+            let words: Vec<_> = said.split_whitespace().collect();
+            (!words.is_empty()).then_some(Line { path, number: index + 1, words })
+        })?;
+        self.last = line.number;
+        Some(line)
+    }
+}
+
+impl Line<'_> {
+    /// The refusal of this line.
+    pub(crate) fn refusal(&self, expected: impl Into<String>) -> SceneError {
+        let expected = expected.into();
+        SceneError::Line { path: self.path.to_owned(), line: self.number, expected }
+    }
+
+    /// The three finite numbers from word `first` on; more words may follow.
+    ///
+    /// # Errors
+    /// [`SceneError::Line`] if they aren't there.
+    pub(crate) fn numbers(&self, first: usize) -> Result<[f64; 3], SceneError> {
+        let number = |k: usize| {
+            let number = self.words.get(first + k)?.parse().ok()?;
+            f64::is_finite(number).then_some(number)
+        };
+        match (number(0), number(1), number(2)) {
+            (Some(x), Some(y), Some(z)) => Ok([x, y, z]),
+            _ => Err(self.refusal(format!("three finite numbers, found {}", self.quoted()))),
+        }
+    }
+
+    /// The point at the coordinates from word `first` on.
+    ///
+    /// # Errors
+    /// [`SceneError::Line`] if they aren't there.
+    pub(crate) fn point(&self, first: usize) -> Result<DVec3, SceneError> {
+        self.numbers(first).map(DVec3::from_array)
+    }
+
+    /// The line as a message shows it.
+    pub(crate) fn quoted(&self) -> String {
+        const SHOWN: usize = 60;
+        let line = self.words.join(" ");
+        match line.char_indices().nth(SHOWN) {
+            Some((end, _)) => format!("`{}...`", &line[..end]),
+            None => format!("`{line}`"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_are_numbered_and_comments_left_out() {
+        let text = "# a comment\n\nv 1 2 3 # here\r\n  f 1 x nan\n";
+        let mut lines = Lines::new(Path::new("a.obj"), text);
+        let line = lines.next().expect("a line");
+        assert_eq!(line.words, ["v", "1", "2", "3"]);
+        assert_eq!(line.point(1).expect("numbers"), DVec3::new(1.0, 2.0, 3.0));
+        let line = lines.next().expect("another line");
+        let error = line.numbers(1).expect_err("not numbers").to_string();
+        assert_eq!(error, "a.obj, line 4: expected three finite numbers, found `f 1 x nan`");
+        let error = lines.expect("a face").expect_err("no more lines").to_string();
+        assert_eq!(error, "a.obj, line 4: expected a face, found the end of the file");
+    }
+
+    #[test]
+    fn long_lines_are_shown_in_part() {
+        let text = "é".repeat(100);
+        let line = Lines::new(Path::new("a"), &text).next().expect("a line");
+        assert_eq!(line.quoted().chars().count(), 65);
+    }
+
+    #[test]
+    fn a_missing_file_is_named() {
+        let error = read_text(Path::new("no/such/file")).expect_err("missing").to_string();
+        assert!(error.starts_with("cannot read no/such/file: "), "{error}");
+    }
+}

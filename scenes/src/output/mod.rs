@@ -1,0 +1,6 @@
+//! Fields on meshes and pictures written to files.
+
+pub(crate) mod files;
+pub(crate) mod ply;
+pub(crate) mod table;
+pub(crate) mod vtu;

@@ -1,0 +1,281 @@
+//! Noise-free pictures of a mesh.
+
+use std::f64::consts::FRAC_1_PI;
+
+use farfield_radiosity::{Element, Occluders};
+use glam::DVec3;
+use rayon::prelude::*;
+
+use crate::pictures::camera::Camera;
+use crate::pictures::lamps::{Lamps, Receiver};
+use crate::pictures::sight::{Backs, Seen, Sight};
+use crate::pictures::smooth::Smooth;
+use crate::pictures::tone::Rgb;
+
+/// Rays per pixel and axis.
+pub(crate) const RAYS: usize = 3;
+
+/// A square picture's camera, and how it takes it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Film {
+    /// The camera.
+    pub(crate) camera: Camera,
+    /// What rays do at the backs of elements.
+    pub(crate) backs: Backs,
+    /// Rows and columns.
+    pub(crate) size: usize,
+}
+
+/// A lit mesh, ready to be looked at.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Lit<'a> {
+    /// The elements.
+    pub(crate) elements: &'a [Element],
+    /// Their emitted exitance \[W/m²\], in the colours of the picture.
+    pub(crate) emission: &'a [Rgb],
+    /// Their reflectance.
+    pub(crate) reflectance: &'a [Rgb],
+    /// The irradiance \[W/m²\]; without what comes straight from lamps if these are given.
+    pub(crate) irradiance: &'a Smooth,
+    /// Lamps of which light is gathered per pixel, for [`RAYS`]² turns, and what casts shadows.
+    pub(crate) direct: Option<(&'a Lamps, &'a Occluders)>,
+}
+
+impl Film {
+    /// The radiances L = B/π, B = E + ρH, row by row from the upper left corner; black where there is
+    /// nothing. Calls `row_done` after every row, from any thread.
+    pub(crate) fn radiances(
+        &self,
+        sight: &Sight,
+        lit: &Lit,
+        row_done: impl Fn() + Sync,
+    ) -> Vec<Rgb> {
+        let ray = |direction, turn| {
+            let seen = sight.first(self.camera.eye(), direction, self.backs)?;
+            Some(lit.radiance(&seen, turn))
+        };
+        let pixels = self.expose(ray, row_done).into_iter();
+        let share = |(sum, _): (Rgb, usize)| sum.map(|band| band / (RAYS * RAYS) as f64);
+        pixels.map(share).collect()
+    }
+
+    /// The first band of a field as seen from the camera, row by row from the upper left corner; none
+    /// where less than half of a pixel shows any surface. Calls `row_done` after every row, from any
+    /// thread.
+    pub(crate) fn values(
+        &self,
+        sight: &Sight,
+        field: &Smooth,
+        row_done: impl Fn() + Sync,
+    ) -> Vec<Option<f64>> {
+        let ray = |direction, _| {
+            let seen = sight.first(self.camera.eye(), direction, self.backs)?;
+            Some(field.at(seen.element, seen.parameters))
+        };
+        let pixels = self.expose(ray, row_done).into_iter();
+        pixels.map(|(sum, hits)| (2 * hits > RAYS * RAYS).then(|| sum[0] / hits as f64)).collect()
+    }
+
+    /// For each pixel the sum over those of its rays that meet something, and their number: one ray
+    /// through the middle of each of RAYS × RAYS squares, each with a turn of its own.
+    fn expose(
+        &self,
+        ray: impl Fn(DVec3, usize) -> Option<Rgb> + Sync,
+        row_done: impl Fn() + Sync,
+    ) -> Vec<(Rgb, usize)> {
+        let mut pixels = vec![([0.0; 3], 0); self.size * self.size];
+        let at = |pixel: usize, part: usize| {
+            (pixel as f64 + (part as f64 + 0.5) / RAYS as f64) / self.size as f64
+        };
+        pixels.par_chunks_mut(self.size.max(1)).enumerate().for_each(|(row, pixels)| {
+            for (column, (sum, hits)) in pixels.iter_mut().enumerate() {
+                for turn in 0..RAYS * RAYS {
+                    let (x, y) = (at(column, turn % RAYS), at(row, turn / RAYS));
+                    if let Some(value) = ray(self.camera.direction(x, y), turn) {
+                        *hits += 1;
+                        *sum = [0, 1, 2].map(|band| sum[band] + value[band]);
+                    }
+                }
+            }
+            row_done();
+        });
+        pixels
+    }
+}
+
+impl Lit<'_> {
+    /// The radiance that leaves a point.
+    fn radiance(&self, seen: &Seen, turn: usize) -> Rgb {
+        let Seen { element, position, parameters } = *seen;
+        let mut irradiance = self.irradiance.at(element, parameters);
+        let reflectance = self.reflectance[element];
+        if let Some((lamps, shadows)) = self.direct
+            && reflectance != [0.0; 3]
+        {
+            let (position, normal) = self.irradiance.surface(element, parameters, position);
+            let face = self.elements[element].surfel().face;
+            let receiver = Receiver { position, normal, face };
+            let direct = lamps.irradiance(&receiver, turn, shadows);
+            irradiance = [0, 1, 2].map(|band| irradiance[band] + direct[band]);
+        }
+        [0, 1, 2].map(|band| {
+            FRAC_1_PI * (self.emission[element][band] + reflectance[band] * irradiance[band])
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cutting::mesh::Mesh;
+    use crate::pictures::samples::{grid, sheet};
+    use crate::pictures::smooth::tests::smoothed;
+    use crate::scene::Scene;
+    use crate::scene::material::Material;
+    use crate::scene::surface::Surface;
+    use crate::scene::viewpoint::Viewpoint;
+    use std::f64::consts::PI;
+
+    const SIZE: usize = 16;
+
+    /// A camera that sees 2 × 2 of the plane z = 0, around the origin, from above, x to the right.
+    fn film() -> Film {
+        let [eye, target, up] = [3.0 * DVec3::Z, DVec3::ZERO, DVec3::Y];
+        let camera = Camera::at(&Viewpoint { eye, target, up, film_over_focal: 2.0 / 3.0 });
+        Film { camera, backs: Backs::Opaque, size: SIZE }
+    }
+
+    fn open() -> Occluders {
+        Occluders::new(&[]).expect("empty")
+    }
+
+    #[test]
+    fn a_pixel_is_what_its_place_emits_and_reflects() {
+        // The right half of the picture; the left is empty.
+        let elements = grid(DVec3::NEG_Y, DVec3::X, 2.0 * DVec3::Y, [4, 4], 0);
+        let values: Vec<Rgb> = elements
+            .iter()
+            .map(|e| e.surfel().position)
+            .map(|p| [2.0 + p.x, 2.0 + p.y, 1.0])
+            .collect();
+        let irradiance = smoothed(&elements, &open(), &values);
+        let lit = Lit {
+            elements: &elements,
+            emission: &[[0.0, 0.0, PI]; 16],
+            reflectance: &[[0.5, 0.25, 0.0]; 16],
+            irradiance: &irradiance,
+            direct: None,
+        };
+        let sight = Sight::new(&elements).expect("finite");
+        let rows = std::sync::atomic::AtomicUsize::new(0);
+        let row_done = || {
+            rows.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+        };
+        let pixels = film().radiances(&sight, &lit, row_done);
+        assert_eq!((pixels.len(), rows.into_inner()), (SIZE * SIZE, SIZE));
+        let values = film().values(&sight, &irradiance, || ());
+        for (k, (pixel, value)) in pixels.iter().zip(values).enumerate() {
+            let place = |index: usize| (index as f64 + 0.5) / SIZE as f64 * 2.0 - 1.0;
+            let (x, y) = (place(k % SIZE), -place(k / SIZE));
+            if x < 0.0 {
+                assert_eq!((*pixel, value), ([0.0; 3], None));
+                continue;
+            }
+            let expected = [0.5 * (2.0 + x) / PI, 0.25 * (2.0 + y) / PI, 1.0];
+            assert!((0..3).all(|band| (pixel[band] - expected[band]).abs() < 1e-9), "{pixel:?}");
+            assert!((value.expect("seen") - 2.0 - x).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn linear_fields_are_linear_on_triangles_and_skew_quadrangles() {
+        let [a, b, c, d] = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]
+            .map(|[x, y]| DVec3::new(x, y, 0.0));
+        let middle = DVec3::new(0.1, -0.2, 0.0);
+        let [left, low] = [a.lerp(d, 0.3), a.lerp(b, 0.6)];
+        let cells = [
+            &[a, low, middle, left][..],
+            &[low, b, middle],
+            &[b, c, middle],
+            &[c, d, middle],
+            &[d, left, middle],
+        ];
+        let elements: Vec<_> = cells
+            .map(|corners| {
+                Element::patch(farfield_radiosity::Patch::new(corners).expect("flat"), 0)
+            })
+            .to_vec();
+        let field = |p: DVec3| 4.0 + p.x - 2.0 * p.y;
+        let values: Vec<Rgb> =
+            elements.iter().map(|e| [field(e.surfel().position), 0.0, 0.0]).collect();
+        let smooth = smoothed(&elements, &open(), &values);
+        let sight = Sight::new(&elements).expect("finite");
+        for (k, value) in film().values(&sight, &smooth, || ()).into_iter().enumerate() {
+            let place = |index: usize| (index as f64 + 0.5) / SIZE as f64 * 2.0 - 1.0;
+            let point = DVec3::new(place(k % SIZE), -place(k / SIZE), 0.0);
+            let value = value.expect("seen");
+            assert!((value - field(point)).abs() < 1e-9, "{value} at {point}");
+        }
+    }
+
+    #[test]
+    fn lamps_light_pixels_unless_something_hides_them() {
+        let corners = |z: f64, edge: f64| {
+            [[-1.0, -1.0], [-1.0, 1.0], [1.0, 1.0], [1.0, -1.0]]
+                .map(|[x, y]| DVec3::new(edge * x, edge * y, z))
+                .to_vec()
+        };
+        let material = |emission: f64| Material {
+            name: String::new(),
+            reflectance: vec![0.5; 3],
+            emission: vec![emission; 3],
+            temperature: None,
+            two_sided: false,
+        };
+        let surface = |corners, material| Surface { corners, material, face: material as u32 };
+        let scene = Scene {
+            materials: vec![material(0.0), material(8.0)],
+            surfaces: vec![surface(corners(0.0, 1.0), 0), surface(corners(4.0, 0.2), 1)],
+            ..Scene::default()
+        };
+        let mut elements =
+            grid(DVec3::new(-1.0, -1.0, 0.0), 2.0 * DVec3::X, 2.0 * DVec3::Y, [1, 1], 0);
+        elements.extend(grid(
+            DVec3::new(-0.2, -0.2, 4.0),
+            0.4 * DVec3::Y,
+            0.4 * DVec3::X,
+            [1, 1],
+            1,
+        ));
+        let emission = [[0.0; 3], [8.0; 3]];
+        let mesh = Mesh { elements, origin: vec![0, 1], ..Mesh::default() };
+        let lamps = Lamps::new(&scene, &mesh, &emission, RAYS);
+        let irradiance = smoothed(&mesh.elements, &open(), &[[0.0; 3]; 2]);
+        let sight = Sight::new(&mesh.elements).expect("finite");
+        // Over the left half of the floor.
+        let cover = sheet(DVec3::new(-2.0, -2.0, 0.01), 2.0 * DVec3::X, 4.0 * DVec3::Y, 9);
+        let cover = Occluders::new(&cover).expect("finite");
+        let shoot = |shadows: &Occluders| {
+            let lit = Lit {
+                elements: &mesh.elements,
+                emission: &emission,
+                reflectance: &[[0.5; 3]; 2],
+                irradiance: &irradiance,
+                direct: Some((&lamps, shadows)),
+            };
+            film().radiances(&sight, &lit, || ())
+        };
+        let (free, covered) = (shoot(&open()), shoot(&cover));
+        for (k, (free, covered)) in free.iter().zip(&covered).enumerate() {
+            // About the exitance times the solid angle from below.
+            assert!(
+                (free[0] / (0.5 / PI * 8.0 * 0.16 / (16.0 * PI)) - 0.8).abs() < 0.21,
+                "{free:?}"
+            );
+            match k % SIZE {
+                column if column < SIZE / 2 => assert_eq!(*covered, [0.0; 3]),
+                _ => assert_eq!(covered, free),
+            }
+        }
+    }
+}

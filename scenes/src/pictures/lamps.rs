@@ -1,0 +1,307 @@
+//! Light straight from lamps to a point, gathered over their surfaces.
+
+use std::collections::HashMap;
+use std::f64::consts::FRAC_1_PI;
+
+use farfield_radiosity::{Occluders, Patch};
+use glam::DVec3;
+
+use crate::cutting::mesh::Mesh;
+use crate::pictures::tone::Rgb;
+use crate::scene::Scene;
+use crate::scene::geometry::area;
+use crate::scene::material::Material;
+
+/// Whether light straight from emitting surfaces is better gathered per pixel: it has sharp shadows
+/// then, and needs rays to every lamp. So if lamps are few, of little area, and all of them surfaces.
+/// Otherwise the smooth field of a picture must hold all irradiance, not only the indirect part.
+pub fn direct_light_by_pixel(scene: &Scene) -> bool {
+    let shines = |index: usize| scene.materials.get(index).is_some_and(emits);
+    let lamps = || scene.surfaces.iter().filter(|surface| shines(surface.material));
+    let points = scene.points.iter().map(|point| point.area).sum::<f64>();
+    let whole = scene.surfaces.iter().map(area).sum::<f64>() + points;
+    let emitting: f64 = lamps().map(area).sum();
+    (1..=MOST_LAMPS).contains(&lamps().count())
+        && emitting < MOST_AREA * whole
+        && !scene.points.iter().any(|point| shines(point.material))
+}
+
+/// Emitting surfaces, ready to be gathered from.
+#[derive(Clone, Debug)]
+pub(crate) struct Lamps {
+    pieces: Vec<Piece>,
+    /// How many turns a pixel takes.
+    turns: usize,
+}
+
+/// Where light arrives.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Receiver {
+    /// The place, on or slightly above the surface.
+    pub(crate) position: DVec3,
+    /// Unit normal.
+    pub(crate) normal: DVec3,
+    /// The face that never hides it.
+    pub(crate) face: u32,
+}
+
+impl Lamps {
+    /// The surfaces of `scene` whose elements emit: `emission` has the exitance of each element of
+    /// `mesh` \[W/m²\]. Disks are left out. The lamps' points are distributed over `rays`² turns.
+    pub(crate) fn new(scene: &Scene, mesh: &Mesh, emission: &[Rgb], rays: usize) -> Self {
+        let mut lamps: Vec<(Patch, Rgb, u32)> = Vec::new();
+        let mut known: HashMap<u32, Vec<DVec3>> = HashMap::new();
+        for ((element, &origin), exitance) in mesh.elements.iter().zip(&mesh.origin).zip(emission) {
+            let (normal, face) = (element.surfel().normal, element.surfel().face);
+            let sides = known.entry(origin).or_default();
+            if exitance.iter().all(|&band| band <= 0.0) || sides.iter().any(|n| n.dot(normal) > 0.0)
+            {
+                continue;
+            }
+            let surface = scene.surfaces.get(origin as usize);
+            let whole = surface.and_then(|surface| turned_to(normal, &surface.corners).ok());
+            if whole.is_some() {
+                sides.push(normal);
+            }
+            // What is no patch as a whole still shines piece by piece.
+            if let Some(lamp) = whole.or(element.as_patch().copied()) {
+                lamps.push((lamp, *exitance, face));
+            }
+        }
+        let whole: f64 = lamps.iter().map(|(lamp, ..)| lamp.area()).sum();
+        let pieces = lamps.iter().flat_map(|&(lamp, exitance, face)| {
+            let count = (PIECES * lamp.area() / whole).max(LEAST_PIECES);
+            let pieces = cut(lamp.corners(), counts(lamp.corners(), count)).into_iter();
+            pieces.filter_map(move |corners| Piece::new(&corners, exitance, face, rays))
+        });
+        Self { pieces: pieces.collect(), turns: rays * rays }
+    }
+
+    /// The irradiance straight from the lamps \[W/m²\] by the points of one turn. Over all turns every
+    /// lamp is covered evenly. A piece counts with its exact form factor, and is seen as a whole or
+    /// not at all.
+    pub(crate) fn irradiance(&self, receiver: &Receiver, turn: usize, shadows: &Occluders) -> Rgb {
+        let mut sum = [0.0; 3];
+        for piece in &self.pieces {
+            let factor = piece.form_factor(receiver);
+            let point = piece.points[turn % self.turns];
+            let faces = [receiver.face, piece.face];
+            if factor > 0.0 && !shadows.blocked(receiver.position, point, faces) {
+                for (sum, exitance) in sum.iter_mut().zip(piece.exitance) {
+                    *sum += factor * exitance;
+                }
+            }
+        }
+        sum
+    }
+}
+
+/// The most lamps of which light is gathered per pixel.
+const MOST_LAMPS: usize = 8;
+/// The largest share of a scene's area that they may have.
+const MOST_AREA: f64 = 0.1;
+/// About how many pieces all lamps have together.
+const PIECES: f64 = 16.0;
+/// About how many pieces a lamp has at least.
+const LEAST_PIECES: f64 = 4.0;
+/// Beyond this many times its extent, a piece's form factor is that of its centroid to within a
+/// thousandth.
+const FAR: f64 = 12.0;
+
+/// A piece of a lamp.
+#[derive(Clone, Debug)]
+struct Piece {
+    patch: Patch,
+    centroid: DVec3,
+    /// The longest of its diagonals and edges.
+    extent: f64,
+    exitance: Rgb,
+    face: u32,
+    /// One point per turn.
+    points: Vec<DVec3>,
+}
+
+impl Piece {
+    fn new(corners: &[DVec3], exitance: Rgb, face: u32, rays: usize) -> Option<Self> {
+        let patch = Patch::new(corners).ok()?;
+        let reach = |from: &DVec3| corners.iter().map(|to| from.distance(*to)).fold(0.0, f64::max);
+        let extent = corners.iter().map(reach).fold(0.0, f64::max);
+        let parts = cut(corners, [rays, rays]);
+        let points =
+            parts.iter().map(|part| part.iter().sum::<DVec3>() / part.len() as f64).collect();
+        Some(Self { patch, centroid: patch.centroid(), extent, exitance, face, points })
+    }
+
+    /// The share of a receiver's view that the piece fills, each direction by its cosine.
+    fn form_factor(&self, receiver: &Receiver) -> f64 {
+        let line = self.centroid - receiver.position;
+        let square = line.length_squared();
+        if square < (FAR * self.extent).powi(2) {
+            return self.patch.form_factor_from(receiver.position, receiver.normal);
+        }
+        let cosines = [receiver.normal.dot(line), -self.patch.normal().dot(line)];
+        let [here, there] = cosines.map(|projection| projection.max(0.0) / square);
+        here * there * self.patch.area() * FRAC_1_PI
+    }
+}
+
+/// Whether a material emits in any band.
+fn emits(material: &Material) -> bool {
+    match material.temperature {
+        Some(temperature) => temperature > 0.0,
+        None => material.emission.iter().any(|&band| band > 0.0),
+    }
+}
+
+/// A surface's patch with its front on the side of `normal`.
+fn turned_to(normal: DVec3, corners: &[DVec3]) -> Result<Patch, farfield_radiosity::Error> {
+    let patch = Patch::new(corners)?;
+    if patch.normal().dot(normal) > 0.0 {
+        return Ok(patch);
+    }
+    let reversed: Vec<_> = corners.iter().rev().copied().collect();
+    Patch::new(&reversed)
+}
+
+/// Into how many parts along its two directions a lamp is cut, for about `count` in all.
+fn counts(corners: &[DVec3], count: f64) -> [usize; 2] {
+    let &[a, b, c, d] = corners else { return [(count.sqrt().round() as usize).max(1); 2] };
+    let (u, v) = (a.distance(b) + d.distance(c), a.distance(d) + b.distance(c));
+    let along = (count * u / v).sqrt().round().clamp(1.0, count);
+    [along as usize, (count / along).round().max(1.0) as usize]
+}
+
+/// A quadrangle in nu × nv parts, a triangle in nu² equal ones.
+fn cut(corners: &[DVec3], [nu, nv]: [usize; 2]) -> Vec<Vec<DVec3>> {
+    match *corners {
+        [a, b, c, d] => {
+            let corner = |i: usize, j: usize| {
+                let (s, t) = (i as f64 / nu as f64, j as f64 / nv as f64);
+                a.lerp(b, s).lerp(d.lerp(c, s), t)
+            };
+            let part = |(i, j)| {
+                [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)].map(|(i, j)| corner(i, j)).to_vec()
+            };
+            (0..nu).flat_map(|i| (0..nv).map(move |j| (i, j))).map(part).collect()
+        }
+        [a, b, c] => {
+            let corner =
+                |i: usize, j: usize| a + ((b - a) * i as f64 + (c - a) * j as f64) / nu as f64;
+            let upright = (0..nu).flat_map(|i| (0..nu - i).map(move |j| (i, j)));
+            let reversed = (1..nu).flat_map(|i| (1..=nu - i).map(move |j| (i, j)));
+            let upright =
+                upright.map(|(i, j)| vec![corner(i, j), corner(i + 1, j), corner(i, j + 1)]);
+            let reversed =
+                reversed.map(|(i, j)| vec![corner(i, j), corner(i - 1, j), corner(i, j - 1)]);
+            upright.chain(reversed).collect()
+        }
+        _ => Vec::new(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pictures::samples::{grid, sheet};
+    use crate::scene::surface::{ScenePoint, Surface};
+    use farfield_radiosity::Element;
+
+    const UP: DVec3 = DVec3::Z;
+
+    fn material(emission: f64) -> Material {
+        Material {
+            name: String::new(),
+            reflectance: vec![0.5; 3],
+            emission: vec![emission; 3],
+            temperature: None,
+            two_sided: false,
+        }
+    }
+
+    /// A square lamp of edge 1 that looks down from height 1, and a floor of edge 10.
+    fn scene() -> Scene {
+        let floor = [[-5.0, -5.0], [5.0, -5.0], [5.0, 5.0], [-5.0, 5.0]];
+        let lamp = [[0.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, 0.0]];
+        let at = |z: f64| move |[x, y]: [f64; 2]| DVec3::new(x, y, z);
+        let surface = |corners: [DVec3; 4], material: usize| Surface {
+            corners: corners.to_vec(),
+            material,
+            face: material as u32,
+        };
+        Scene {
+            materials: vec![material(0.0), material(3.0)],
+            surfaces: vec![surface(floor.map(at(0.0)), 0), surface(lamp.map(at(1.0)), 1)],
+            ..Scene::default()
+        }
+    }
+
+    fn lamps() -> Lamps {
+        let elements: Vec<Element> = grid(UP, DVec3::Y, DVec3::X, [5, 5], 1);
+        let mesh = Mesh { origin: vec![1; 25], material: vec![1; 25], elements, ..Mesh::default() };
+        Lamps::new(&scene(), &mesh, &[[3.0, 2.0, 1.0]; 25], 3)
+    }
+
+    fn mean(receiver: &Receiver, shadows: &Occluders) -> Rgb {
+        let lamps = lamps();
+        let turns = (0..9).map(|turn| lamps.irradiance(receiver, turn, shadows));
+        turns.fold([0.0; 3], |sum, h| [0, 1, 2].map(|band| sum[band] + h[band] / 9.0))
+    }
+
+    #[test]
+    fn unshadowed_light_is_that_of_the_whole_lamp_near_and_far() {
+        let open = Occluders::new(&[]).expect("empty");
+        let lamp = Patch::new(&[UP, UP + DVec3::Y, UP + DVec3::X + DVec3::Y, UP + DVec3::X]);
+        let lamp = lamp.expect("a square");
+        for position in [DVec3::ZERO, DVec3::new(0.4, 0.5, 0.999), DVec3::new(-8.0, 3.0, -4.0)] {
+            let receiver = Receiver { position, normal: UP, face: 0 };
+            let factor = lamp.form_factor_from(position, UP);
+            let found = mean(&receiver, &open);
+            for (band, exitance) in [3.0, 2.0, 1.0].into_iter().enumerate() {
+                let relative = found[band] / (factor * exitance) - 1.0;
+                assert!(relative.abs() < 1e-3, "{found:?} {factor}");
+            }
+        }
+    }
+
+    #[test]
+    fn half_a_lamp_is_hidden_by_what_covers_half_of_it() {
+        let cover = sheet(DVec3::new(-1.0, -1.0, 0.999), 1.5 * DVec3::X, 3.0 * DVec3::Y, 9);
+        let cover = Occluders::new(&cover).expect("finite");
+        let open = Occluders::new(&[]).expect("empty");
+        let receiver = Receiver { position: DVec3::new(0.5, 0.5, 0.0), normal: UP, face: 0 };
+        let (half, whole) = (mean(&receiver, &cover)[0], mean(&receiver, &open)[0]);
+        assert!((half / whole - 0.5).abs() < 0.1, "{half} of {whole}");
+    }
+
+    #[test]
+    fn parts_have_the_area_of_the_whole() {
+        let corners = [DVec3::ZERO, 3.0 * DVec3::X, DVec3::new(3.0, 1.0, 0.0), DVec3::Y];
+        assert_eq!(counts(&corners, 16.0), [7, 2]);
+        for (corners, parts) in [(&corners[..], 14), (&corners[..3], 49)] {
+            let parts_found = cut(corners, [7, 2]);
+            assert_eq!(parts_found.len(), parts);
+            let area = |corners: &[DVec3]| Patch::new(corners).expect("flat").area();
+            let sum: f64 = parts_found.iter().map(|part| area(part)).sum();
+            assert!((sum - area(corners)).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn few_small_lamps_are_gathered_per_pixel() {
+        assert!(direct_light_by_pixel(&scene()));
+        assert!(!direct_light_by_pixel(&Scene::default()));
+        let mut many = scene();
+        many.surfaces.extend(vec![many.surfaces[1].clone(); 8]);
+        assert!(!direct_light_by_pixel(&many));
+        let mut large = scene();
+        large.surfaces[1].corners.iter_mut().for_each(|corner| *corner *= 4.0);
+        assert!(!direct_light_by_pixel(&large));
+        let mut warm = scene();
+        warm.materials[0].temperature = Some(300.0);
+        assert!(!direct_light_by_pixel(&warm));
+        let mut sparks = scene();
+        let point = ScenePoint { position: DVec3::ZERO, normal: UP, area: 1.0, material: 1 };
+        sparks.points.push(point);
+        assert!(!direct_light_by_pixel(&sparks));
+    }
+}

@@ -1,0 +1,131 @@
+//! What a solved scene looks like.
+
+use std::f64::consts::FRAC_1_PI;
+
+use farfield_radiosity::{Error, Occluders};
+
+use crate::cutting::fields::Fields;
+use crate::cutting::mesh::Mesh;
+use crate::pictures::camera::Camera;
+use crate::pictures::film::{Film, Lit, RAYS};
+use crate::pictures::lamps::Lamps;
+use crate::pictures::palette;
+use crate::pictures::sight::Sight;
+use crate::pictures::smooth::Smooth;
+use crate::pictures::tone::{Rgb, ToneMap, colour};
+use crate::pictures::view::View;
+use crate::scene::{STEFAN_BOLTZMANN, Scene};
+
+/// A picture and the colours of elements.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct Picture {
+    /// sRGB codes, row by row from the upper left corner.
+    pub codes: Vec<[u8; 3]>,
+    /// What the codes stand for: radiances, or temperatures \[K\] in every band.
+    pub values: Vec<Rgb>,
+    /// The sRGB code of each element.
+    pub elements: Vec<[u8; 3]>,
+    /// What was mended in the camera.
+    pub repair: Option<String>,
+}
+
+impl Picture {
+    /// The light that a camera sees. Given `indirect`, the irradiance \[W/m²\] of all light but what comes
+    /// straight from lamps, the lamps' light is gathered pixel by pixel with sharp shadows, which is
+    /// worth it where [`direct_light_by_pixel`](crate::direct_light_by_pixel) says so. `progress` is told the fraction done.
+    ///
+    /// # Errors
+    /// [`Error::LengthMismatch`] unless the fields match the mesh, or those of [`Occluders::new`].
+    pub fn of_light(
+        scene: &Scene,
+        mesh: &Mesh,
+        fields: &Fields,
+        shadows: &Occluders,
+        indirect: Option<&[f64]>,
+        progress: impl Fn(f64) + Sync,
+    ) -> Result<Self, Error> {
+        let irradiance = indirect.unwrap_or(&fields.irradiance);
+        for (what, field) in [
+            ("radiosity", &fields.radiosity[..]),
+            ("emission", &fields.emission),
+            ("irradiance", irradiance),
+        ] {
+            check(what, field, mesh, fields.bands)?;
+        }
+        let of =
+            |field: &[f64]| -> Vec<Rgb> { field.chunks(fields.bands.max(1)).map(colour).collect() };
+        let sight = Sight::new(&mesh.elements)?;
+        let walls = Occluders::new(&mesh.triangles)?;
+        let View { place, backs, repair } = View::new(scene, &sight);
+        let film = Film { camera: Camera::at(&place), backs, size: Self::SIZE };
+        let emission = of(&fields.emission);
+        let irradiance = Smooth::new(&mesh.elements, &sight, &walls, &of(irradiance));
+        let lamps = Lamps::new(scene, mesh, &emission, RAYS);
+        let reflectance: Vec<Rgb> = mesh
+            .material
+            .iter()
+            .map(|&material| colour(&scene.materials[material as usize].reflectance))
+            .collect();
+        let lit = Lit {
+            elements: &mesh.elements,
+            emission: &emission,
+            reflectance: &reflectance,
+            irradiance: &irradiance,
+            direct: indirect.map(|_| (&lamps, shadows)),
+        };
+        let values = film.radiances(&sight, &lit, rows_done(&progress));
+        let tone = ToneMap::exposing(&values);
+        let codes = values.iter().map(|radiance| tone.code(radiance)).collect();
+        let radiosity = of(&fields.radiosity);
+        let elements = radiosity.iter().map(|b| tone.code(&b.map(|b| FRAC_1_PI * b))).collect();
+        Ok(Self { codes, values, elements, repair })
+    }
+
+    /// Temperatures in false colours, by the first band of the radiosity. `progress` is told the
+    /// fraction done.
+    ///
+    /// # Errors
+    /// [`Error::LengthMismatch`] unless the fields match the mesh, or those of [`Occluders::new`].
+    pub fn of_heat(
+        scene: &Scene,
+        mesh: &Mesh,
+        fields: &Fields,
+        progress: impl Fn(f64) + Sync,
+    ) -> Result<Self, Error> {
+        check("radiosity", &fields.radiosity, mesh, fields.bands)?;
+        let sight = Sight::new(&mesh.elements)?;
+        let walls = Occluders::new(&mesh.triangles)?;
+        let View { place, backs, repair } = View::new(scene, &sight);
+        let film = Film { camera: Camera::at(&place), backs, size: Self::SIZE };
+        let temperature = |b: &f64| (b / STEFAN_BOLTZMANN).max(0.0).powf(0.25);
+        let first = fields.radiosity.iter().step_by(fields.bands.max(1));
+        let temperatures: Vec<f64> = first.map(temperature).collect();
+        let held: Vec<Rgb> = temperatures.iter().map(|&t| [t; 3]).collect();
+        let field = Smooth::new(&mesh.elements, &sight, &walls, &held);
+        let values = film.values(&sight, &field, rows_done(&progress));
+        let range = palette::range(values.iter().flatten().copied());
+        let codes = palette::picture(&values, Self::SIZE, &range);
+        let elements = temperatures.iter().map(|&t| palette::code(t, &range)).collect();
+        let values = values.iter().map(|value| [value.unwrap_or(0.0); 3]).collect();
+        Ok(Self { codes, values, elements, repair })
+    }
+
+    /// Rows and columns.
+    pub const SIZE: usize = 720;
+}
+
+/// Checks that there is a number for every element and band of a mesh.
+fn check(what: &'static str, field: &[f64], mesh: &Mesh, bands: usize) -> Result<(), Error> {
+    let (expected, found) = (mesh.elements.len() * bands.max(1), field.len());
+    if found == expected { Ok(()) } else { Err(Error::LengthMismatch { what, expected, found }) }
+}
+
+/// Counts the rows of a picture.
+fn rows_done(show: &(impl Fn(f64) + Sync)) -> impl Fn() + Sync {
+    let rows = std::sync::atomic::AtomicUsize::new(0);
+    move || {
+        let done = 1 + rows.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+        show(done as f64 / Picture::SIZE as f64);
+    }
+}

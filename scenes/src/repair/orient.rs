@@ -1,0 +1,234 @@
+//! Turning faces so that neighbours agree which side is the front.
+
+use glam::DVec3;
+
+use crate::scene::geometry::vector_area;
+
+/// What was done to the orientation of a mesh.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Oriented {
+    /// How many faces were turned round.
+    pub(crate) turned: usize,
+    /// How many connected components can't be oriented, like a Möbius strip, and were left as they are.
+    pub(crate) unorientable: usize,
+}
+
+/// Turns faces until neighbours agree.
+///
+/// Faces are lists of vertices; two that share an edge, and no third does, are neighbours and agree if
+/// they run along it in opposite directions. A component that agrees already is left alone, since it
+/// may well be a room seen from inside. Otherwise it is made to look outwards if it is closed; if it is
+/// open, the fewer faces are turned.
+pub(crate) fn orient(vertices: &[DVec3], faces: &mut [Vec<u32>]) -> Oriented {
+    let edges = Edges::new(faces);
+    let mut turn: Vec<Option<bool>> = vec![None; faces.len()];
+    let mut report = Oriented::default();
+    for seed in 0..faces.len() {
+        if turn[seed].is_some() {
+            continue;
+        }
+        let component = Component::flood(seed, &edges, &mut turn);
+        if !component.orientable {
+            report.unorientable += 1;
+            continue;
+        }
+        let of = |face: usize| turn[face] == Some(true);
+        let flips = component.faces.iter().filter(|&&face| of(face)).count();
+        if flips == 0 {
+            continue;
+        }
+        let invert = if component.closed {
+            let origin = vertices[faces[seed][0] as usize];
+            let volume = |&face: &usize| {
+                let corners: Vec<_> =
+                    faces[face].iter().map(|&v| vertices[v as usize] - origin).collect();
+                let volume = vector_area(&corners).dot(corners[0]);
+                if of(face) { -volume } else { volume }
+            };
+            component.faces.iter().map(volume).sum::<f64>() < 0.0
+        } else {
+            2 * flips > component.faces.len()
+        };
+        for &face in component.faces.iter().filter(|&&face| of(face) != invert) {
+            faces[face].reverse();
+            report.turned += 1;
+        }
+    }
+    report
+}
+
+/// A face along an edge.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct Side {
+    /// The vertices of the edge, the smaller one first.
+    edge: [u32; 2],
+    /// The face.
+    face: usize,
+    /// Whether it runs along the edge from the smaller vertex to the larger one.
+    forward: bool,
+}
+
+/// The faces along every edge.
+struct Edges {
+    /// All sides by edge.
+    sides: Vec<Side>,
+    /// For each face, the positions of its sides in that list.
+    of_face: Vec<Vec<usize>>,
+}
+
+impl Edges {
+    fn new(faces: &[Vec<u32>]) -> Self {
+        let mut sides = Vec::with_capacity(3 * faces.len());
+        for (face, corners) in faces.iter().enumerate() {
+            for (&a, &b) in corners.iter().zip(corners.iter().cycle().skip(1)) {
+                sides.push(Side { edge: [a.min(b), a.max(b)], face, forward: a < b });
+            }
+        }
+        sides.sort_unstable();
+        let mut of_face = vec![Vec::new(); faces.len()];
+        for (position, side) in sides.iter().enumerate() {
+            of_face[side.face].push(position);
+        }
+        Self { sides, of_face }
+    }
+
+    /// The other side at the edge of a side; none unless it is one of two there.
+    fn opposite(&self, position: usize) -> Option<Side> {
+        let edge = self.sides[position].edge;
+        let alike = |k: usize| self.sides.get(k).is_some_and(|side| side.edge == edge);
+        // Where many faces meet, three of them tell as much as all.
+        let before = (0..position).rev().take(3);
+        let start = before.take_while(|&k| alike(k)).last().unwrap_or(position);
+        let pair = alike(start + 1) && !alike(start + 2);
+        pair.then(|| self.sides[if position == start { start + 1 } else { start }])
+    }
+}
+
+/// Faces that are connected through neighbours.
+struct Component {
+    faces: Vec<usize>,
+    /// Whether all its faces can agree.
+    orientable: bool,
+    /// Whether all its faces have neighbours at all their edges.
+    closed: bool,
+}
+
+impl Component {
+    /// The component of the face `seed`. Notes for each of its faces whether to turn it for all to
+    /// agree with the seed.
+    fn flood(seed: usize, edges: &Edges, turn: &mut [Option<bool>]) -> Self {
+        let mut component = Self { faces: vec![seed], orientable: true, closed: true };
+        turn[seed] = Some(false);
+        let mut next = 0;
+        while let Some(&face) = component.faces.get(next) {
+            next += 1;
+            for &position in &edges.of_face[face] {
+                let Some(other) = edges.opposite(position) else {
+                    component.closed = false;
+                    continue;
+                };
+                let disagree = edges.sides[position].forward == other.forward;
+                let wanted = turn[face].map(|turned| turned != disagree);
+                if turn[other.face].is_none() {
+                    turn[other.face] = wanted;
+                    component.faces.push(other.face);
+                }
+                component.orientable &= turn[other.face] == wanted;
+            }
+        }
+        component
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TETRAHEDRON: [[u32; 3]; 4] = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
+
+    fn vertices() -> Vec<DVec3> {
+        vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z]
+    }
+
+    fn lists(faces: &[[u32; 3]]) -> Vec<Vec<u32>> {
+        faces.iter().map(|face| face.to_vec()).collect()
+    }
+
+    fn volume(faces: &[Vec<u32>]) -> f64 {
+        let p = vertices();
+        let part = |f: &Vec<u32>| {
+            let [a, b, c] = [0, 1, 2].map(|k| p[f[k] as usize]);
+            a.dot(b.cross(c)) / 6.0
+        };
+        faces.iter().map(part).sum()
+    }
+
+    #[test]
+    fn turned_faces_of_a_closed_mesh_are_turned_back_outwards() {
+        for mask in 1..15u32 {
+            let mut faces = lists(&TETRAHEDRON);
+            for (k, face) in faces.iter_mut().enumerate() {
+                if mask >> k & 1 == 1 {
+                    face.reverse();
+                }
+            }
+            let report = orient(&vertices(), &mut faces);
+            let expected = Oriented { turned: mask.count_ones() as usize, unorientable: 0 };
+            assert_eq!(report, expected, "{mask:b}");
+            assert!((volume(&faces) - 1.0 / 6.0).abs() < 1e-15, "{mask:b}");
+        }
+    }
+
+    #[test]
+    fn a_mesh_in_agreement_is_left_alone_even_inside_out() {
+        for reverse in [false, true] {
+            let mut faces = lists(&TETRAHEDRON);
+            if reverse {
+                faces.iter_mut().for_each(|face| face.reverse());
+            }
+            let before = faces.clone();
+            assert_eq!(orient(&vertices(), &mut faces), Oriented::default());
+            assert_eq!(faces, before);
+        }
+    }
+
+    #[test]
+    fn of_an_open_sheet_the_fewer_faces_are_turned() {
+        let strip =
+            |k: u32| if k.is_multiple_of(2) { [k, k + 1, k + 2] } else { [k + 1, k, k + 2] };
+        let vertices: Vec<_> = (0..9).map(|k| DVec3::new(k as f64, (k % 2) as f64, 0.0)).collect();
+        let right: Vec<_> = (0..7).map(strip).collect();
+        for wrong in [vec![3], vec![0, 4, 6]] {
+            let mut faces = lists(&right);
+            wrong.iter().for_each(|&k: &usize| faces[k].reverse());
+            let report = orient(&vertices, &mut faces);
+            assert_eq!(report.turned, wrong.len());
+            let directed = |f: &Vec<u32>| {
+                let first = f.iter().position(|v| v == f.iter().min().expect("a corner"));
+                let mut f = f.clone();
+                f.rotate_left(first.expect("found above"));
+                f
+            };
+            let found: Vec<_> = faces.iter().map(directed).collect();
+            let expected: Vec<_> = lists(&right).iter().map(directed).collect();
+            assert_eq!(found, expected);
+        }
+    }
+
+    #[test]
+    fn a_moebius_strip_is_left_as_it_is() {
+        // Six triangles in a strip; its end, twisted, is its beginning.
+        let mut faces = lists(&[[0, 1, 2], [2, 1, 3], [2, 3, 4], [4, 3, 5], [4, 5, 1], [1, 5, 0]]);
+        let before = faces.clone();
+        let vertices = vec![DVec3::ZERO; 6];
+        assert_eq!(orient(&vertices, &mut faces), Oriented { turned: 0, unorientable: 1 });
+        assert_eq!(faces, before);
+    }
+
+    #[test]
+    fn edges_of_three_faces_connect_nothing() {
+        let mut faces = lists(&[[0, 1, 2], [0, 1, 3], [0, 1, 4]]);
+        let vertices = vec![DVec3::ZERO; 5];
+        assert_eq!(orient(&vertices, &mut faces), Oriented::default());
+    }
+}

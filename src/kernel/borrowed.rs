@@ -1,0 +1,92 @@
+//! A borrowed kernel is a kernel: whoever keeps one can build several plans with it, and still has it
+//! if one can't be built.
+
+use crate::kernel::traits::{Kernel, Outcome};
+use crate::numbers::traits::Point;
+
+impl<K: Kernel> Kernel for &K {
+    type Real = K::Real;
+    type Source = K::Source;
+    type Target = K::Target;
+    type Charge = K::Charge;
+    type Value = K::Value;
+    type Entry = K::Entry;
+
+    #[inline(always)]
+    fn entries(&self, x: Point<K::Real>, y: Point<K::Real>, g: &mut [K::Entry]) {
+        (**self).entries(x, y, g);
+    }
+
+    #[inline(always)]
+    fn fields(&self) -> usize {
+        (**self).fields()
+    }
+
+    #[inline(always)]
+    fn densities(&self) -> usize {
+        (**self).densities()
+    }
+
+    #[inline(always)]
+    fn columns(&self) -> usize {
+        (**self).columns()
+    }
+
+    #[inline(always)]
+    fn density(&self, y: &K::Source, q: &K::Charge, d: &mut [K::Entry]) {
+        (**self).density(y, q, d);
+    }
+
+    #[inline(always)]
+    fn value(
+        &self,
+        x: &K::Target,
+        fields: &[K::Entry],
+        gradients: &[[K::Entry; 3]],
+        u: &mut K::Value,
+    ) {
+        (**self).value(x, fields, gradients, u);
+    }
+
+    #[inline(always)]
+    fn needs_gradients(&self) -> bool {
+        (**self).needs_gradients()
+    }
+
+    #[inline(always)]
+    fn entry_gradients(
+        &self,
+        x: Point<K::Real>,
+        y: Point<K::Real>,
+        g: &mut [[K::Entry; 3]],
+    ) -> Outcome {
+        (**self).entry_gradients(x, y, g)
+    }
+
+    fn entries_block(&self, xs: &[Point<K::Real>], ys: &[Point<K::Real>], g: &mut [K::Entry]) {
+        (**self).entries_block(xs, ys, g);
+    }
+
+    fn add_block(
+        &self,
+        xs: &[K::Target],
+        ys: &[K::Source],
+        qs: &[K::Charge],
+        tolerance: f64,
+        us: &mut [K::Value],
+    ) {
+        (**self).add_block(xs, ys, qs, tolerance, us);
+    }
+
+    fn add_pairs(
+        &self,
+        xs: &[K::Target],
+        ys: &[K::Source],
+        qs: &[K::Charge],
+        bits: &[u64],
+        tolerance: f64,
+        us: &mut [K::Value],
+    ) {
+        (**self).add_pairs(xs, ys, qs, bits, tolerance, us);
+    }
+}

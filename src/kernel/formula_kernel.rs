@@ -1,0 +1,250 @@
+//! Formulas as kernels: evaluated for several pairs side by side.
+
+use std::fmt;
+use std::marker::PhantomData;
+
+use crate::kernel::derivatives::{Derivatives, WithHessian};
+use crate::kernel::formula::{Formula, FormulaEntry};
+use crate::kernel::side_by_side::{Near, Pack, entries_side_by_side, slopes};
+use crate::kernel::traits::{Kernel, Outcome};
+use crate::kernel::with_gradient::WithGradient;
+use crate::numbers::traits::{Located, Numbers, Point, Scalar};
+
+/// The kernel of a [`Formula`] between bare points.
+///
+/// Points are of any type with a position; charges of any type with as many numbers as the formula has
+/// densities, or several times as many for several right-hand sides. Values have the type of the
+/// charges unless [`values`](FormulaKernel::values) says otherwise.
+///
+/// The formula is evaluated at coincident points too, unless
+/// [`skip_coincident`](FormulaKernel::skip_coincident) is asked for.
+pub fn from_formula<F: Formula, P, Q>(formula: F) -> FormulaKernel<F, P, Q> {
+    FormulaKernel { formula, skip_coincident: false, columns: None, types: PhantomData }
+}
+
+/// The kernel made by [`from_formula`]: points of type `P`, charges `Q`, values `U`.
+#[derive(Clone, Copy)]
+pub struct FormulaKernel<F, P, Q, U = Q> {
+    formula: F,
+    skip_coincident: bool,
+    /// How many right-hand sides, where the type of the charges doesn't say it.
+    columns: Option<usize>,
+    types: PhantomData<fn(P, Q) -> U>,
+}
+
+/// The kernel made by [`FormulaKernel::gradient`].
+#[derive(Clone, Copy)]
+pub struct FormulaGradient<F, P, Q, U = Q> {
+    kernel: FormulaKernel<F, P, Q, U>,
+}
+
+impl<F, P, Q, U> FormulaKernel<F, P, Q, U> {
+    /// Pairs at the same position contribute nothing: the usual choice for singular formulas.
+    pub fn skip_coincident(self) -> Self {
+        Self { skip_coincident: true, ..self }
+    }
+
+    /// The same kernel for charges and values of other types: `Q2` with as many numbers as there are
+    /// densities, `U2` with as many as there are fields, each times the number of right-hand sides.
+    pub fn values<Q2, U2>(self) -> FormulaKernel<F, P, Q2, U2> {
+        let Self { formula, skip_coincident, columns, .. } = self;
+        FormulaKernel { formula, skip_coincident, columns, types: PhantomData }
+    }
+
+    /// The number of right-hand sides, for charges that are lists (`Vec<f64>`). Other charges say it by
+    /// their type.
+    pub fn right_hand_sides(self, columns: usize) -> Self {
+        Self { columns: Some(columns), ..self }
+    }
+
+    /// The same kernel with the gradient of its sum as part of the [value](WithGradient). The
+    /// derivatives of the formula are its own: it is evaluated in numbers that carry them along.
+    pub fn gradient(self) -> FormulaGradient<F, P, Q, U> {
+        FormulaGradient { kernel: self }
+    }
+
+    /// The same kernel with the gradient and the second derivatives of its sum as part of the
+    /// [value](WithHessian). They are summed as further fields of the formula: ten times as many.
+    pub fn hessian(self) -> FormulaKernel<Derivatives<F>, P, Q, WithHessian<U>> {
+        let Self { formula, skip_coincident, columns, .. } = self;
+        let formula = Derivatives(formula);
+        FormulaKernel { formula, skip_coincident, columns, types: PhantomData }
+    }
+}
+
+impl<F, P, Q, U> fmt::Debug for FormulaKernel<F, P, Q, U> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("FormulaKernel")
+            .field("skip_coincident", &self.skip_coincident)
+            .finish_non_exhaustive()
+    }
+}
+
+impl<F, P, Q, U> fmt::Debug for FormulaGradient<F, P, Q, U> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("FormulaGradient").field("kernel", &self.kernel).finish()
+    }
+}
+
+/// The number type of a formula's entries in the precision `T`.
+type EntryOf<F, T> = <<F as Formula>::Entry<Pack<T>> as FormulaEntry<Pack<T>>>::Scalar;
+
+impl<F, P, Q, U> Kernel for FormulaKernel<F, P, Q, U>
+where
+    F: Formula,
+    P: Located,
+    Q: Numbers<Real = P::Real>,
+    U: Numbers<Real = P::Real>,
+{
+    type Real = P::Real;
+    type Source = P;
+    type Target = P;
+    type Charge = Q;
+    type Value = U;
+    type Entry = EntryOf<F, P::Real>;
+
+    fn entries(&self, x: Point<P::Real>, y: Point<P::Real>, g: &mut [Self::Entry]) {
+        self.entries_block(&[x], &[y], g);
+    }
+
+    #[inline(always)]
+    fn fields(&self) -> usize {
+        self.formula.fields()
+    }
+
+    #[inline(always)]
+    fn densities(&self) -> usize {
+        self.formula.densities()
+    }
+
+    #[inline(always)]
+    fn columns(&self) -> usize {
+        self.columns.unwrap_or(Q::LEN / (Self::Entry::PARTS * self.densities()))
+    }
+
+    fn entries_block(&self, xs: &[Point<P::Real>], ys: &[Point<P::Real>], g: &mut [Self::Entry]) {
+        entries_side_by_side(&self.formula, xs, ys, g);
+    }
+
+    fn add_block(&self, xs: &[P], ys: &[P], qs: &[Q], _tolerance: f64, us: &mut [U]) {
+        let (formula, skip_coincident) = (&self.formula, self.skip_coincident);
+        Near { kernel: self, formula, skip_coincident, xs, ys, qs, us }.add();
+    }
+}
+
+impl<F, P, Q, U> Kernel for FormulaGradient<F, P, Q, U>
+where
+    F: Formula,
+    P: Located,
+    Q: Numbers<Real = P::Real>,
+    U: Numbers<Real = P::Real>,
+{
+    type Real = P::Real;
+    type Source = P;
+    type Target = P;
+    type Charge = Q;
+    type Value = WithGradient<U>;
+    type Entry = EntryOf<F, P::Real>;
+
+    fn entries(&self, x: Point<P::Real>, y: Point<P::Real>, g: &mut [Self::Entry]) {
+        self.kernel.entries(x, y, g);
+    }
+
+    #[inline(always)]
+    fn fields(&self) -> usize {
+        self.kernel.fields()
+    }
+
+    #[inline(always)]
+    fn densities(&self) -> usize {
+        self.kernel.densities()
+    }
+
+    #[inline(always)]
+    fn columns(&self) -> usize {
+        self.kernel.columns()
+    }
+
+    fn value(
+        &self,
+        _x: &P,
+        fields: &[Self::Entry],
+        gradients: &[[Self::Entry; 3]],
+        u: &mut WithGradient<U>,
+    ) {
+        for (k, (&field, gradient)) in fields.iter().zip(gradients).enumerate() {
+            u.value.set_column(k, u.value.column::<Self::Entry>(k) + field);
+            for (sum, &part) in u.gradient.iter_mut().zip(gradient) {
+                sum.set_column(k, sum.column::<Self::Entry>(k) + part);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn needs_gradients(&self) -> bool {
+        true
+    }
+
+    fn entry_gradients(
+        &self,
+        x: Point<P::Real>,
+        y: Point<P::Real>,
+        g: &mut [[Self::Entry; 3]],
+    ) -> Outcome {
+        slopes(&self.kernel.formula, x, y, g);
+        Outcome::Done
+    }
+
+    fn entries_block(&self, xs: &[Point<P::Real>], ys: &[Point<P::Real>], g: &mut [Self::Entry]) {
+        self.kernel.entries_block(xs, ys, g);
+    }
+
+    fn add_block(&self, xs: &[P], ys: &[P], qs: &[Q], _tolerance: f64, us: &mut [WithGradient<U>]) {
+        let FormulaKernel { formula, skip_coincident, .. } = &self.kernel;
+        let skip_coincident = *skip_coincident;
+        Near { kernel: self, formula, skip_coincident, xs, ys, qs, us }.add();
+    }
+}
+
+/// A kernel from a formula in one line: a [`Formula`] of the [`Difference`](crate::Difference) d = x − y
+/// or of the [`Positions`](crate::Positions) (x, y), with parameters after a semicolon.
+///
+/// ```
+/// use farfield::{direct, formula};
+///
+/// let kappa = 2.0;
+/// let yukawa = formula!(|d; kappa| (-d.length() * kappa).exp() / d.length());
+/// let sum = direct(&yukawa, &[[0.0; 3]], &[1.0], &[[0.5, 0.0, 0.0]])?;
+/// assert!((sum[0] - 2.0 * f64::exp(-1.0)).abs() < 1e-15);
+///
+/// let sheared = formula!(|x, y| (x - y).length() * (x.z + 2.0));
+/// assert_eq!(direct(&sheared, &[[0.0; 3]], &[1.0], &[[0.0, 0.0, 1.0]])?, [3.0]);
+/// # Ok::<(), farfield::Error>(())
+/// ```
+///
+/// The expression is written in a [`Number`](crate::Number): see there which functions it has. Parameters
+/// are variables of type f64.
+#[macro_export]
+macro_rules! formula {
+    (|$d:ident $(; $($parameter:ident),+)?| $entry:expr) => {
+        $crate::formula!(@ $crate::Difference, $d, [$($($parameter),+)?], $entry)
+    };
+    (|$x:ident, $y:ident $(; $($parameter:ident),+)?| $entry:expr) => {
+        $crate::formula!(@ $crate::Positions, ($x, $y), [$($($parameter),+)?], $entry)
+    };
+    (@ $of:ty, $at:pat, [$($parameter:ident),*], $entry:expr) => {{
+        struct Parameters {
+            $($parameter: f64,)*
+        }
+        impl $crate::Formula for Parameters {
+            type Of = $of;
+            type Entry<N: $crate::Number> = N;
+            #[inline(always)]
+            fn entries<N: $crate::Number>(&self, $at: <$of as $crate::Form>::At<N>, g: &mut [N]) {
+                let Self { $($parameter),* } = *self;
+                g[0] = $entry;
+            }
+        }
+        $crate::from_formula(Parameters { $($parameter),* })
+    }};
+}
