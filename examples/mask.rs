@@ -45,8 +45,8 @@ impl<K: Kernel<Real = f64>> Mask<K> for Wall {
         }
     }
 
-    fn pair(&self, x: &K::Target, y: &K::Source) -> bool {
-        self.is_left(x) == self.is_left(y)
+    fn pair(&self, x: &K::Target, y: &K::Source) -> f64 {
+        f64::from(self.is_left(x) == self.is_left(y))
     }
 }
 

@@ -134,6 +134,18 @@ pub enum Error {
     /// An expansion of the user's own refuses what is asked of it.
     #[error("the expansion can't be prepared: {0}")]
     Expansion(#[source] Box<dyn std::error::Error + Send + Sync>),
+    /// A [mask](crate::Mask) says of a pair that it counts by something that is not a share.
+    #[error(
+        "the pair of target {target} and source {from} counts by {found}: expected a share from 0 to 1"
+    )]
+    InvalidShare {
+        /// The target's index in the caller's order.
+        target: usize,
+        /// The source's index in the caller's order.
+        from: usize,
+        /// What the mask says.
+        found: f64,
+    },
     /// A leaf size of zero.
     #[error("leaf size 0: expected at least 1 point per leaf")]
     InvalidLeafSize,

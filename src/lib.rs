@@ -6,32 +6,33 @@
 //! u(x_i) = Σ_j K(x_i, y_j) q_j
 //! ```
 //!
-//! over N points in O(N) instead of O(N²), for any kernel K that is smooth away from its diagonal. A
-//! formula is enough:
+//! over N points in O(N) instead of O(N²), for any kernel K that is smooth away from its diagonal, to the
+//! tolerance asked for. A formula is enough:
 //!
 //! ```
-//! use farfield::{Fmm, direct, from_fn, relative_l2_error};
-//! use glam::DVec3;
+//! use farfield::glam::DVec3;
+//! use farfield::{Fmm, direct, formula, relative_l2_error};
 //!
 //! let points: Vec<DVec3> = (1..1000).map(|i| (DVec3::new(0.2, 0.3, 0.5) * f64::from(i * i)).fract()).collect();
 //! let charges = vec![1.0; points.len()];
 //!
-//! let kernel = from_fn(|x: DVec3, y: DVec3| (-x.distance(y)).exp());
-//! let fmm = Fmm::builder(kernel).tolerance(1e-6).build(&points, &points)?;
+//! let kernel = formula!(|d| (-d.length()).exp());
+//! let fmm = Fmm::builder(&kernel).tolerance(1e-6).build(&points, &points)?;
 //! let potentials = fmm.apply(&charges)?;
 //!
-//! assert!(relative_l2_error(&potentials, &direct(&kernel, &points, &charges, &points)) < 1e-6);
+//! assert!(relative_l2_error(&potentials, &direct(&kernel, &points, &charges, &points)?) < 1e-6);
 //! # Ok::<(), farfield::Error>(())
 //! ```
 //!
-//! # What to implement
+//! # What to write
 //!
 //! | you have | you write |
 //! |---|---|
-//! | a formula | a closure for [`from_fn`] |
-//! | a formula and attributes on the points (normals, areas, …) | [`Kernel`], one method; [`Kernel`], three short ones, for the black-box [`Interpolation`] |
+//! | a formula | [`formula!`], a [`Formula`], or a closure for [`from_fn`] |
+//! | a formula, and you want derivatives of the sum | [`FormulaKernel::gradient`], [`FormulaKernel::hessian`], [`FnKernel::gradient`] |
+//! | attributes on the points (normals, areas, …) | [`Kernel`]: the formula, what a source sends, what a target makes of it |
 //! | an analytic expansion | [`Expansion`]: P2M, M2M, M2L, L2L, L2P; held to its laws by [`conformance::check`] |
-//! | pairs that must not count (occlusion, exclusions) | [`Mask`], two methods |
+//! | pairs that must not count (occlusion, exclusions) | [`Mask`]: what holds between two cells, and for one pair |
 //!
 //! # What to expect
 //!

@@ -78,6 +78,10 @@ impl<E: Expansion> Reference<'_, E> {
                 });
             }
         }
+        for pair in lists.shares_of(leaf).iter().filter(|pair| pair.target as usize == target) {
+            let j = pair.source as usize;
+            self.add(x, j..j + 1, pair.share, &mut sums);
+        }
         let near = sums.values[0].clone();
 
         let mut far: Vec<(f64, Range<usize>)> = Vec::new();

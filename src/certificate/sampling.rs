@@ -134,10 +134,7 @@ mod tests {
             radius * (std::f64::consts::TAU * random.unit()).cos()
         };
         let pareto = |random: &mut Random| (1.0 - random.unit()).powf(-1.0 / 1.5);
-        let few_large = |random: &mut Random| match random.unit() < 0.01 {
-            true => 100.0,
-            false => 1.0,
-        };
+        let few_large = |random: &mut Random| if random.unit() < 0.01 { 100.0 } else { 1.0 };
         let (light, ratio) = missed(|random| normal(random).powi(2));
         assert!(light == 0 && (1.1..1.4).contains(&ratio), "{light} {ratio}");
         let (lognormal, ratio) = missed(|random| (2.0 * normal(random)).exp());

@@ -256,9 +256,10 @@ impl<'a, T: Real> LevelFamilies<'a, T> {
     pub fn children_of(&self, p: usize) -> Range<usize> {
         let p = self.first_parent + p;
         let children = self.nodes[p].children();
-        match self.expanded[p] && !children.is_empty() {
-            true => children.start - self.first_child..children.end - self.first_child,
-            false => 0..0,
+        if self.expanded[p] && !children.is_empty() {
+            children.start - self.first_child..children.end - self.first_child
+        } else {
+            0..0
         }
     }
 

@@ -3,11 +3,12 @@
 
 use rayon::prelude::*;
 
-use crate::interaction::lists::{ALL, Lists, NONE, rebuilt};
+use crate::interaction::lists::{ALL, Lists, NONE, PairShare, rebuilt};
 use crate::kernel::mask::{CellView, Coverage, Mask};
 use crate::kernel::traits::Kernel;
 use crate::numbers::bits::for_each_set_bit;
 use crate::numbers::traits::Located;
+use crate::octree::shape::Shape;
 use crate::octree::tree::Tree;
 use crate::parallel;
 
@@ -26,7 +27,16 @@ pub(crate) trait CellMask: Sync {
 pub(crate) enum Answer {
     Empty,
     Full,
-    Partial(Vec<u64>),
+    Partial(Partly),
+}
+
+/// The pairs of two leaves of which some count.
+#[derive(Clone, Default)]
+pub(crate) struct Partly {
+    /// A bit for each pair that counts in full.
+    words: Vec<u64>,
+    /// The others that count, with their shares: the i-th target and the j-th source.
+    shares: Vec<(u32, u32, f64)>,
 }
 
 /// A mask, and what it is shown.
@@ -59,15 +69,22 @@ impl<K: Kernel, M: Mask<K>> CellMask for PointMask<'_, K, M> {
         let (targets, sources) = (self.targets.view(target), self.sources.view(source));
         let columns = sources.points.len();
         let pairs = targets.points.len() * columns;
-        let mut words = vec![0u64; pairs.div_ceil(64)];
-        self.mask.pairs(targets, sources, &mut |i, j| {
-            let bit = i * columns + j;
-            words[bit / 64] |= 1 << (bit % 64);
+        let mut partly = Partly { words: vec![0; pairs.div_ceil(64)], shares: Vec::new() };
+        self.mask.pairs(targets, sources, &mut |i, j, share| {
+            if share == 1.0 {
+                let bit = i * columns + j;
+                partly.words[bit / 64] |= 1 << (bit % 64);
+            } else {
+                partly.shares.push((i as u32, j as u32, share));
+            }
         });
-        match words.iter().map(|word| word.count_ones() as usize).sum() {
+        if !partly.shares.is_empty() {
+            return Answer::Partial(partly);
+        }
+        match partly.words.iter().map(|word| word.count_ones() as usize).sum() {
             0 => Answer::Empty,
             set if set == pairs => Answer::Full,
-            _ => Answer::Partial(words),
+            _ => Answer::Partial(partly),
         }
     }
 
@@ -114,9 +131,10 @@ pub(crate) fn ask_all(
     }
     let find = |pair: &PartialPair| {
         let index = asked.partition_point(|other| image(other) < image(pair));
-        match asked[index].target == pair.target {
-            true => answers[index].clone(),
-            false => answers[index].transposed(count(pair.source), count(pair.target)),
+        if asked[index].target == pair.target {
+            answers[index].clone()
+        } else {
+            answers[index].transposed(count(pair.source), count(pair.target))
         }
     };
     parallel::map(partial.len(), &|i| find(&partial[i]))
@@ -139,7 +157,7 @@ impl Answer {
     /// The answer for `columns` targets and `rows` sources, from that for `rows` targets and
     /// `columns` sources.
     fn transposed(&self, rows: usize, columns: usize) -> Self {
-        let Self::Partial(words) = self else { return self.clone() };
+        let Self::Partial(Partly { words, shares }) = self else { return self.clone() };
         let mut transposed = vec![0u64; words.len()];
         for i in 0..rows {
             for_each_set_bit(words, i, columns, |j| {
@@ -147,23 +165,57 @@ impl Answer {
                 transposed[bit / 64] |= 1 << (bit % 64);
             });
         }
-        Self::Partial(transposed)
+        let mut shares: Vec<_> = shares.iter().map(|&(i, j, share)| (j, i, share)).collect();
+        // In the order in which the pairs themselves would be asked for: the same sums to the bit.
+        shares.sort_unstable_by_key(|&(i, j, _)| (i, j));
+        Self::Partial(Partly { words: transposed, shares })
     }
 }
 
-/// Gives the runs that are partly masked their bits.
-pub(crate) fn fill_in(lists: &mut Lists, partial: &[PartialPair], answers: Vec<Answer>) {
+/// Gives the runs that are partly masked their bits, and the leaves of `targets` the pairs that count in part.
+///
+/// # Errors
+/// The first pair whose share is not a number from 0 to 1.
+pub(crate) fn fill_in(
+    lists: &mut Lists,
+    targets: &Shape,
+    partial: &[PartialPair],
+    answers: Vec<Answer>,
+) -> Result<(), PairShare> {
+    let mut shares: Vec<(u32, PairShare)> = Vec::new();
     for (pair, answer) in partial.iter().zip(answers) {
-        let bits = &mut lists.near.items[pair.run].bits;
-        *bits = match answer {
+        let run = &mut lists.near.items[pair.run];
+        run.bits = match answer {
             Answer::Empty => NONE,
             Answer::Full => ALL,
-            Answer::Partial(words) => {
-                let start = lists.bits.len() as u64;
-                lists.bits.extend(words);
-                start
+            Answer::Partial(partly) => {
+                let first = targets.nodes[pair.target as usize].points().start as u32;
+                shares.extend(partly.shares.iter().map(|&(i, j, share)| {
+                    let (target, source) = (first + i, run.first + j);
+                    (pair.target, PairShare { target, source, share })
+                }));
+                if partly.words.iter().all(|&word| word == 0) {
+                    NONE
+                } else {
+                    let start = lists.bits.len() as u64;
+                    lists.bits.extend(partly.words);
+                    start
+                }
             }
         };
     }
     lists.near = rebuilt(&lists.near, |_, _| ());
+    if let Some((_, wrong)) = shares.iter().find(|(_, pair)| !(0.0..=1.0).contains(&pair.share)) {
+        return Err(*wrong);
+    }
+    if !shares.is_empty() {
+        shares.sort_by_key(|&(leaf, _)| leaf);
+        let mut rest = &shares[..];
+        for cell in 0..targets.nodes.len() as u32 {
+            let (own, others) = rest.split_at(rest.partition_point(|&(leaf, _)| leaf == cell));
+            lists.shares.push_group(own.iter().map(|&(_, pair)| pair));
+            rest = others;
+        }
+    }
+    Ok(())
 }

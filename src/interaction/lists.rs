@@ -19,6 +19,8 @@ pub(crate) struct Lists {
     pub(crate) near: Grouped<Run>,
     /// One bit per pair of every run that is partly masked.
     pub(crate) bits: Vec<u64>,
+    /// For target leaves: pairs that count in part. No groups if there are none.
+    pub(crate) shares: Grouped<PairShare>,
     /// The distinct offsets from source to target cell in `m2l`, ascending, for each level of the
     /// target tree.
     pub(crate) offsets: Vec<Vec<[i32; 3]>>,
@@ -34,6 +36,15 @@ pub(crate) struct Run {
     /// Where its bits start in [`Lists::bits`], or [`ALL`]. Bit i·n + j is the pair of the leaf's
     /// i-th target and the run's j-th of n sources.
     pub(crate) bits: u64,
+}
+
+/// A pair of points that counts in part, by their places in tree order.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct PairShare {
+    pub(crate) target: u32,
+    pub(crate) source: u32,
+    /// Between 0 and 1.
+    pub(crate) share: f64,
 }
 
 /// The value of [`Run::bits`] for runs in which every pair counts.
@@ -103,7 +114,18 @@ impl Lists {
         self.weighed_m2l().any(|(_, list)| !list.of(t).is_empty())
     }
 
-    /// Its size in memory, without the bits.
+    /// The pairs of target leaf `t` that count in part.
+    pub(crate) fn shares_of(&self, t: usize) -> &[PairShare] {
+        if self.shares.items.is_empty() { &[] } else { self.shares.of(t) }
+    }
+
+    /// Bytes of what is remembered of a mask: bits and shares.
+    pub(crate) fn mask_bytes(&self) -> usize {
+        let shares = if self.shares.items.is_empty() { 0 } else { self.shares.bytes() };
+        size_of_val(&self.bits[..]) + shares
+    }
+
+    /// Its size in memory, without what is remembered of a mask.
     pub(crate) fn bytes(&self) -> usize {
         let weighed: usize = self.weighed.iter().map(|(_, list)| list.bytes()).sum();
         self.m2l.bytes() + weighed + self.m2p.bytes() + self.p2l.bytes() + self.near.bytes()

@@ -74,15 +74,17 @@ impl<T: Real> Traversal<'_, T> {
         // What is no larger than M2P or P2L costs is summed directly.
         let (mut direct_pairs, mut expanded_pairs) = (targets * of_runs(false), 0.0);
         for s in &found.m2p.items {
-            match count(s) > m2p_pairs {
-                true => expanded_pairs += targets * m2p_pairs as f64,
-                false => direct_pairs += targets * count(s) as f64,
+            if count(s) > m2p_pairs {
+                expanded_pairs += targets * m2p_pairs as f64
+            } else {
+                direct_pairs += targets * count(s) as f64
             }
         }
         for s in &found.p2l.items {
-            match nodes[t].count() > m2p_pairs {
-                true => expanded_pairs += m2p_pairs as f64 * count(s) as f64,
-                false => direct_pairs += targets * count(s) as f64,
+            if nodes[t].count() > m2p_pairs {
+                expanded_pairs += m2p_pairs as f64 * count(s) as f64
+            } else {
+                direct_pairs += targets * count(s) as f64
             }
         }
         let by_m2p = |s: &u32| count(s).min(m2p_pairs) as f64;

@@ -10,7 +10,7 @@
 
 use crate::interaction::cell_mask::{CellMask, PartialPair, ask_all, fill_in};
 use crate::interaction::grouped::Grouped;
-use crate::interaction::lists::{ALL, Lists, NONE, Run, append};
+use crate::interaction::lists::{ALL, Lists, NONE, PairShare, Run, append};
 use crate::interaction::offsets::OffsetSet;
 use crate::kernel::mask::Coverage;
 use crate::numbers::traits::Real;
@@ -75,14 +75,17 @@ const STRETCH: usize = 64;
 impl<T: Real> Traversal<'_, T> {
     /// Finds the lists. `progress` is told the fraction of partly masked pairs that have been asked
     /// for.
-    pub(crate) fn lists(&self, progress: &(dyn Fn(f64) + Sync)) -> Lists {
+    ///
+    /// # Errors
+    /// The first pair that counts by a share that is not a number from 0 to 1.
+    pub(crate) fn lists(&self, progress: &(dyn Fn(f64) + Sync)) -> Result<Lists, PairShare> {
         let (mut lists, partial) = self.run();
         if !partial.is_empty() {
             let count = |cell: u32| self.targets.shape.nodes[cell as usize].count();
             let answers = ask_all(self.mask, &count, &partial, progress);
-            fill_in(&mut lists, &partial, answers);
+            fill_in(&mut lists, &self.targets.shape, &partial, answers)?;
         }
-        lists
+        Ok(lists)
     }
 
     /// The lists, with the runs that are partly masked.
@@ -239,15 +242,17 @@ fn join(mut found: Vec<Found>, offsets: Vec<Vec<[i32; 3]>>) -> (Lists, Vec<Parti
         })
     };
     let lists = Lists {
-        weighed: match weighed.items.is_empty() {
-            true => Vec::new(),
-            false => (1..8).map(|eighths| (eighths, of_weight(eighths))).collect(),
+        weighed: if weighed.items.is_empty() {
+            Vec::new()
+        } else {
+            (1..8).map(|eighths| (eighths, of_weight(eighths))).collect()
         },
         m2l: Grouped::join(found.iter_mut().map(|part| std::mem::take(&mut part.m2l))),
         m2p: Grouped::join(found.iter_mut().map(|part| std::mem::take(&mut part.m2p))),
         p2l: Grouped::join(found.iter_mut().map(|part| std::mem::take(&mut part.p2l))),
         near: Grouped::join(found.iter_mut().map(|part| std::mem::take(&mut part.near))),
         bits: Vec::new(),
+        shares: Grouped::default(),
         offsets,
     };
     (lists, partial)

@@ -47,9 +47,10 @@ impl<S: Scalar> Request<'_, S> {
             Spectrum::new(kernel, parities, self.far, self.rule, self.scale.least())
         };
         let targets = spectrum(self.kernel, |p| &p.fields)?;
-        let sources = match self.symmetric {
-            true => None,
-            false => Some(spectrum(&self.kernel.transpose(), |p| &p.densities)?),
+        let sources = if self.symmetric {
+            None
+        } else {
+            Some(spectrum(&self.kernel.transpose(), |p| &p.densities)?)
         };
         let offsets: Vec<[i32; 3]> = interaction_offsets().collect();
         let mut share = truncation_share(self.tolerance, parities.is_some());

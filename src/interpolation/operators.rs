@@ -86,9 +86,10 @@ impl<S: Scalar> Operators<S> {
         let worst = |rule: &Chebyshev<S::Real>| {
             let errors = fields.iter().zip(&scales).map(|(far, &scale)| {
                 let targets = far.interpolation_error(kernel, rule, scale);
-                match symmetric {
-                    true => targets,
-                    false => targets.max(far.interpolation_error(&kernel.transpose(), rule, scale)),
+                if symmetric {
+                    targets
+                } else {
+                    targets.max(far.interpolation_error(&kernel.transpose(), rule, scale))
                 }
             });
             errors.fold(0.0, f64::max)

@@ -365,9 +365,10 @@ mod tests {
     /// T̂_i(x), or its derivative, as plain numbers.
     fn at(n: usize, x: f64, slope: bool) -> Vec<f64> {
         let mut values = vec![0.0; n];
-        match slope {
-            false => polynomials(x, &mut values),
-            true => derivatives_in_lanes(&[x], values.as_chunks_mut().0),
+        if slope {
+            derivatives_in_lanes(&[x], values.as_chunks_mut().0)
+        } else {
+            polynomials(x, &mut values)
         }
         values
     }

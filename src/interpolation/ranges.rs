@@ -167,9 +167,10 @@ impl<'a, S: Scalar> Factors<'a, S> {
                 S::from_real(S::Real::from_f64(weight.sqrt() * numbers.centred()))
             });
             let charges = product(&charges, &vectors);
-            match transposed {
-                true => S::product(&image.transpose(), &charges.data, true, &mut values.data),
-                false => S::product(image, &charges.data, true, &mut values.data),
+            if transposed {
+                S::product(&image.transpose(), &charges.data, true, &mut values.data)
+            } else {
+                S::product(image, &charges.data, true, &mut values.data)
             }
         }
         product(&to.skeleton.from_values, &values)

@@ -2,7 +2,7 @@
 
 use crate::error::Error;
 use crate::kernel::traits::Kernel;
-use crate::numbers::traits::{Located, Numbers};
+use crate::numbers::traits::{Located, Numbers, Real};
 use crate::octree::geometry::Cell;
 use crate::parallel;
 
@@ -39,39 +39,43 @@ impl<P: Located> Clone for CellView<'_, P> {
 
 impl<P: Located> Copy for CellView<'_, P> {}
 
-/// The factor V(x, y) ∈ {0, 1} of a sum Σ_j K(x, y_j) V(x, y_j) q_j, such as visibility.
+/// The factor V(x, y) of a sum Σ_j K(x, y_j) V(x, y_j) q_j, from 0 to 1, such as visibility.
 ///
 /// It is not smooth, so it never enters an expansion: the engine uses the expansion between cells
-/// only where *every* pair counts. Masks are geometry: they are asked while a plan is built and
-/// never again, and each pair of points is asked for at most once.
+/// only where *every* pair counts in full, or where [`Coverage::Eighths`] says that all count alike.
+/// Masks are geometry: they are asked while a plan is built and never again, and each pair of points is
+/// asked for at most once.
 pub trait Mask<K: Kernel>: Sync {
     /// What holds for all pairs between two cells. [`Coverage::Partial`] is never wrong, only slow.
     fn cells(&self, targets: CellView<'_, K::Target>, sources: CellView<'_, K::Source>)
     -> Coverage;
 
-    /// Whether the pair (x, y) counts. Must agree with [`cells`](Self::cells).
-    fn pair(&self, x: &K::Target, y: &K::Source) -> bool;
+    /// The share of the pair (x, y) that counts: 1 if it does, 0 if it does not, anything between if it
+    /// counts in part. Must agree with [`cells`](Self::cells). Where pairs count or do not,
+    /// `f64::from(condition)` says it.
+    fn pair(&self, x: &K::Target, y: &K::Source) -> f64;
 
-    /// Calls `count(i, j)` for every pair of the i-th target and the j-th source that counts, once.
-    /// Override it to share work among the pairs of two cells; the answers must be those of
+    /// Calls `count(i, j, share)` once for every pair of the i-th target and the j-th source that counts
+    /// at all. Override it to share work among the pairs of two cells; the answers must be those of
     /// [`pair`](Self::pair).
     fn pairs(
         &self,
         targets: CellView<'_, K::Target>,
         sources: CellView<'_, K::Source>,
-        count: &mut dyn FnMut(usize, usize),
+        count: &mut dyn FnMut(usize, usize, f64),
     ) {
         for (i, x) in targets.points.iter().enumerate() {
             for (j, y) in sources.points.iter().enumerate() {
-                if self.pair(x, y) {
-                    count(i, j);
+                let share = self.pair(x, y);
+                if share != 0.0 {
+                    count(i, j, share);
                 }
             }
         }
     }
 
-    /// Whether the pair of target i and source j counts exactly if that of target j and source i does,
-    /// for every i and j. The engine then asks [`pairs`](Self::pairs) for one of two mirrored leaf
+    /// Whether the pair of target i and source j counts by the same share as that of target j and source
+    /// i, for every i and j. The engine then asks [`pairs`](Self::pairs) for one of two mirrored leaf
     /// pairs only. Never wrong to deny.
     fn is_mirrored(&self, _targets: &[K::Target], _sources: &[K::Source]) -> bool {
         false
@@ -87,8 +91,8 @@ impl<K: Kernel> Mask<K> for Unmasked {
         Coverage::Full
     }
 
-    fn pair(&self, _: &K::Target, _: &K::Source) -> bool {
-        true
+    fn pair(&self, _: &K::Target, _: &K::Source) -> f64 {
+        1.0
     }
 }
 
@@ -108,14 +112,26 @@ pub fn direct_masked<K: Kernel>(
     let sum = |i: usize| {
         let mut u = [K::Value::zero()];
         for (j, y) in sources.iter().enumerate() {
-            if mask.pair(&targets[i], y) {
-                kernel.add_block(&targets[i..=i], &sources[j..=j], &charges[j..=j], 0.0, &mut u);
+            let share = mask.pair(&targets[i], y);
+            if share != 0.0 {
+                let q = share_of(&charges[j], share);
+                kernel.add_block(&targets[i..=i], &sources[j..=j], &[q], 0.0, &mut u);
             }
         }
         let [u] = u;
         u
     };
     Ok(parallel::map(targets.len(), &sum))
+}
+
+/// The share of a charge; all of it as it is.
+pub(crate) fn share_of<Q: Numbers>(charge: &Q, share: f64) -> Q {
+    if share == 1.0 {
+        return charge.clone();
+    }
+    let mut part = Q::zero();
+    part.add_scaled(Q::Real::from_f64(share), charge);
+    part
 }
 
 impl<K: Kernel, M: Mask<K>> Mask<K> for &M {
@@ -127,7 +143,7 @@ impl<K: Kernel, M: Mask<K>> Mask<K> for &M {
         (**self).cells(targets, sources)
     }
 
-    fn pair(&self, x: &K::Target, y: &K::Source) -> bool {
+    fn pair(&self, x: &K::Target, y: &K::Source) -> f64 {
         (**self).pair(x, y)
     }
 
@@ -135,7 +151,7 @@ impl<K: Kernel, M: Mask<K>> Mask<K> for &M {
         &self,
         targets: CellView<'_, K::Target>,
         sources: CellView<'_, K::Source>,
-        count: &mut dyn FnMut(usize, usize),
+        count: &mut dyn FnMut(usize, usize, f64),
     ) {
         (**self).pairs(targets, sources, count);
     }

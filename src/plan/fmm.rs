@@ -28,7 +28,7 @@ use crate::plan::{Plan, Workspace};
 /// let fmm = Fmm::builder(kernel).tolerance(1e-6).build(&points, &points)?;
 /// let potentials = fmm.apply(&charges)?;
 ///
-/// let exact = farfield::direct(&kernel, &points, &charges, &points);
+/// let exact = farfield::direct(&kernel, &points, &charges, &points)?;
 /// assert!(farfield::relative_l2_error(&potentials, &exact) < 1e-6);
 /// # Ok::<(), farfield::Error>(())
 /// ```

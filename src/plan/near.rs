@@ -1,7 +1,8 @@
 //! The near field of a target leaf, run by run: short runs are brought together first, so that a kernel
 //! meets its targets once with many sources instead of many times with a few.
 
-use crate::interaction::lists::{ALL, Run};
+use crate::interaction::lists::{ALL, PairShare, Run};
+use crate::kernel::mask::share_of;
 use crate::kernel::traits::Kernel;
 
 /// What the near field is summed from.
@@ -34,6 +35,23 @@ impl<K: Kernel> Default for Gathered<K> {
 const GATHERED_BYTES: usize = 1 << 15;
 
 impl<K: Kernel> Near<'_, K> {
+    /// Adds the fields of pairs that count in part to the values at the targets of their leaf, which start
+    /// at `first` in tree order.
+    pub(crate) fn add_shares(
+        &self,
+        shares: &[PairShare],
+        first: usize,
+        xs: &[K::Target],
+        us: &mut [K::Value],
+    ) {
+        for pair in shares {
+            let (i, j) = (pair.target as usize - first, pair.source as usize);
+            let q = share_of(&self.charges[j], pair.share);
+            let (y, u) = (&self.sources[j..=j], &mut us[i..=i]);
+            self.kernel.add_block(&xs[i..=i], y, &[q], self.tolerance, u);
+        }
+    }
+
     /// Adds the fields of all runs to the values at the targets of their leaf.
     pub(crate) fn add(
         &self,

@@ -243,6 +243,8 @@ impl<E: Expansion> Plan<E> {
             if sweep.near {
                 let runs = self.lists.near.of(t);
                 gathered.with(Gathered::default, |gathered| near.add(runs, gathered, xs, us));
+                let first = tree.shape.nodes[t].points().start;
+                near.add_shares(self.lists.shares_of(t), first, xs, us);
             }
         };
         for_each_leaf(&self.target_tree.shape, &self.layout.tasks, values, &at_leaf);

@@ -79,13 +79,15 @@ impl<E: Expansion> Fmm<E> {
             LevelReport {
                 source_cells: sources.level(level).len(),
                 target_cells: cells.len(),
-                multipole_terms: match in_use(&layout.multipole_terms, level) {
-                    true => expansion.multipole_len(level),
-                    false => 0,
+                multipole_terms: if in_use(&layout.multipole_terms, level) {
+                    expansion.multipole_len(level)
+                } else {
+                    0
                 },
-                local_terms: match in_use(&layout.local_terms, level) {
-                    true => expansion.local_len(level),
-                    false => 0,
+                local_terms: if in_use(&layout.local_terms, level) {
+                    expansion.local_len(level)
+                } else {
+                    0
                 },
                 m2l_pairs: m2l.map(|(_, l)| l.starts[cells.end] - l.starts[cells.start]).sum(),
             }

@@ -81,7 +81,7 @@ pub(crate) fn stats<E: Expansion>(plan: &Plan<E>) -> Stats {
             + size_of_val(&plan.targets[..])
             + size_of_val(&plan.layout.target_ranks[..]),
         list_bytes: lists.bytes(),
-        mask_bytes: size_of_val(&lists.bits[..]),
+        mask_bytes: lists.mask_bytes(),
         workspace_bytes: Workspace::bytes(plan),
     };
     if !Arc::ptr_eq(source_tree, target_tree) {
@@ -116,5 +116,5 @@ fn near_pairs(lists: &Lists, t: usize, targets: u64) -> u64 {
         let words = &lists.bits[run.bits as usize..][..pairs.div_ceil(64) as usize];
         words.iter().map(|w| u64::from(w.count_ones())).sum()
     });
-    pairs.sum()
+    pairs.sum::<u64>() + lists.shares_of(t).len() as u64
 }

@@ -125,8 +125,8 @@ impl<K: Kernel<Real = f64>> Mask<K> for SameSide {
         }
     }
 
-    fn pair(&self, x: &K::Target, y: &K::Source) -> bool {
-        Self::above(x) == Self::above(y)
+    fn pair(&self, x: &K::Target, y: &K::Source) -> f64 {
+        f64::from(Self::above(x) == Self::above(y))
     }
 }
 
@@ -155,8 +155,8 @@ fn shares_that_a_mask_gives_are_what_is_judged() {
         fn cells(&self, _: CellView<'_, K::Target>, _: CellView<'_, K::Source>) -> Coverage {
             Coverage::Eighths(4)
         }
-        fn pair(&self, _: &K::Target, _: &K::Source) -> bool {
-            true
+        fn pair(&self, _: &K::Target, _: &K::Source) -> f64 {
+            1.0
         }
     }
     let points = clouds::cube(1000, 6);

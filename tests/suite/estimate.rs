@@ -60,8 +60,8 @@ fn masks_and_schemes_are_foretold() {
                 _ => Coverage::Partial,
             }
         }
-        fn pair(&self, _: &K::Target, y: &K::Source) -> bool {
-            farfield::Located::position(y).z >= 0.45
+        fn pair(&self, _: &K::Target, y: &K::Source) -> f64 {
+            f64::from(farfield::Located::position(y).z >= 0.45)
         }
     }
     let points = clouds::cube(10_000, 5);

@@ -231,8 +231,8 @@ impl<K: Kernel<Real = f64>> Mask<K> for ToTheRight {
     fn cells(&self, _: CellView<'_, K::Target>, _: CellView<'_, K::Source>) -> Coverage {
         Coverage::Partial
     }
-    fn pair(&self, x: &K::Target, y: &K::Source) -> bool {
-        x.position().x > y.position().x
+    fn pair(&self, x: &K::Target, y: &K::Source) -> f64 {
+        f64::from(x.position().x > y.position().x)
     }
 }
 
@@ -262,8 +262,8 @@ impl<K: Kernel<Real = f64>> Mask<K> for Weighed {
             eighths => Coverage::Eighths(eighths),
         }
     }
-    fn pair(&self, _: &K::Target, _: &K::Source) -> bool {
-        true
+    fn pair(&self, _: &K::Target, _: &K::Source) -> f64 {
+        1.0
     }
 }
 
@@ -308,9 +308,9 @@ impl Mask<farfield::FnKernel<fn(DVec3, DVec3) -> f64, DVec3, f64>> for Symmetric
     fn cells(&self, _: CellView<'_, DVec3>, _: CellView<'_, DVec3>) -> Coverage {
         Coverage::Partial
     }
-    fn pair(&self, x: &DVec3, y: &DVec3) -> bool {
+    fn pair(&self, x: &DVec3, y: &DVec3) -> f64 {
         self.asked.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
-        (*x + *y).x > 0.3
+        f64::from((*x + *y).x > 0.3)
     }
     fn is_mirrored(&self, _: &[DVec3], _: &[DVec3]) -> bool {
         self.mirrored
@@ -331,4 +331,99 @@ fn mirrored_pairs_are_asked_for_once_and_count_twice() {
     assert_eq!(whole, halved);
     assert_eq!(all, 900 * 900);
     assert!(asked < all * 11 / 20, "{asked}");
+}
+
+/// Pairs count in part: by a share that depends on both points, the same from either end.
+struct Veiled {
+    mirrored: bool,
+}
+
+impl Veiled {
+    fn share(x: DVec3, y: DVec3) -> f64 {
+        let clear = 1.5 * (x.x + y.x) - 0.2;
+        clear.clamp(0.0, 1.0)
+    }
+}
+
+impl<K: Kernel<Real = f64>> Mask<K> for Veiled {
+    fn cells(&self, t: CellView<'_, K::Target>, s: CellView<'_, K::Source>) -> Coverage {
+        let most = |view: &[f64]| view.iter().copied().fold(f64::MIN, f64::max);
+        let least = |view: &[f64]| view.iter().copied().fold(f64::MAX, f64::min);
+        let xs: Vec<f64> = t.points.iter().map(|x| x.position().x).collect();
+        let ys: Vec<f64> = s.points.iter().map(|y| y.position().x).collect();
+        if 1.5 * (least(&xs) + least(&ys)) - 0.2 >= 1.0 {
+            Coverage::Full
+        } else if 1.5 * (most(&xs) + most(&ys)) - 0.2 <= 0.0 {
+            Coverage::Empty
+        } else {
+            Coverage::Partial
+        }
+    }
+    fn pair(&self, x: &K::Target, y: &K::Source) -> f64 {
+        Self::share(x.position(), y.position())
+    }
+    fn is_mirrored(&self, _: &[K::Target], _: &[K::Source]) -> bool {
+        self.mirrored
+    }
+}
+
+#[test]
+fn pairs_that_count_in_part_are_weighed() {
+    let points = clouds::cube(1500, 1);
+    let charges = clouds::charges(1500, 2);
+    let kernel = plain(|x, y| 1.0 / x.distance(y)).skip_coincident();
+    let mut exact = vec![0.0; points.len()];
+    for (x, u) in points.iter().zip(&mut exact) {
+        for (y, q) in points.iter().zip(&charges).filter(|(y, _)| x != *y) {
+            *u += Veiled::share(*x, *y) / x.distance(*y) * q;
+        }
+    }
+    let veil = Veiled { mirrored: false };
+    let masked = direct_masked(&kernel, &veil, &points, &charges, &points).unwrap();
+    assert!(relative_l2_error(&masked, &exact) < 1e-13);
+    let sum = |mirrored| {
+        let builder = Fmm::builder(kernel).mask(Veiled { mirrored }).tolerance(1e-6).leaf_size(15);
+        builder.build(&points, &points).unwrap()
+    };
+    let fmm = sum(false);
+    assert!(fmm.report().stats.expansion_pairs > 0 && fmm.report().stats.mask_bytes > 0);
+    let values = fmm.apply(&charges).unwrap();
+    assert!(relative_l2_error(&values, &exact) < 1e-6);
+    assert_eq!(sum(true).apply(&charges).unwrap(), values, "mirrored answers are the same");
+    let (_, certificate) = fmm.apply_certified(&charges).unwrap();
+    assert!(certificate.estimate < 1e-6, "shares are seen: {certificate:?}");
+
+    // Sets of their own trees, and leaves in which no pair counts in full.
+    let targets = clouds::plummer(400, 3);
+    let masked = direct_masked(&kernel, &veil, &points, &charges, &targets).unwrap();
+    let fmm = Fmm::builder(kernel).mask(&veil).tolerance(1e-6).leaf_size(15);
+    let values = fmm.build(&points, &targets).unwrap().apply(&charges).unwrap();
+    assert!(relative_l2_error(&values, &masked) < 1e-6);
+}
+
+/// Says of one pair that it counts by something that is not a share.
+struct Wrong(f64);
+
+impl<K: Kernel<Real = f64>> Mask<K> for Wrong {
+    fn cells(&self, _: CellView<'_, K::Target>, _: CellView<'_, K::Source>) -> Coverage {
+        Coverage::Partial
+    }
+    fn pair(&self, x: &K::Target, y: &K::Source) -> f64 {
+        let marked = x.position().x == 7.0 && y.position().x == 3.0;
+        if marked { self.0 } else { 1.0 }
+    }
+}
+
+#[test]
+fn what_is_no_share_is_refused_with_its_pair() {
+    let points: Vec<DVec3> = (0..100).map(|i| DVec3::new(f64::from(i), 0.0, 0.0)).collect();
+    let kernel = plain(|x, y| x.distance(y));
+    for wrong in [-0.1, 1.5, f64::NAN, f64::INFINITY] {
+        let built = Fmm::builder(kernel).mask(Wrong(wrong)).leaf_size(9).build(&points, &points);
+        let refused = built.map(|_| ()).unwrap_err();
+        assert!(
+            matches!(refused, farfield::Error::InvalidShare { target: 7, from: 3, .. }),
+            "{refused}"
+        );
+    }
 }

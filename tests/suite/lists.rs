@@ -40,8 +40,8 @@ impl Mask<Counting<f64>> for SameSide {
         }
     }
 
-    fn pair(&self, x: &DVec3, y: &DVec3) -> bool {
-        self.side(x) == self.side(y)
+    fn pair(&self, x: &DVec3, y: &DVec3) -> f64 {
+        f64::from(self.side(x) == self.side(y))
     }
 }
 

@@ -269,7 +269,7 @@ fn shooting_and_gathering_agree_and_conserve_energy() {
     let column = |i: usize| {
         let factor = |x: &Surfel| {
             let visible = Mask::<Irradiance<f64, [f64; 3]>>::pair(&mask, x, &surfels[i]);
-            f64::from(u8::from(visible)) * kernel.factor(x, &surfels[i]) * surfels[i].area
+            visible * kernel.factor(x, &surfels[i]) * surfels[i].area
         };
         Ok::<_, Error>(surfels.iter().map(factor).collect())
     };

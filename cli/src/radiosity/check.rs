@@ -43,10 +43,11 @@ impl Check {
         let sees = |i: usize, j: usize| {
             Mask::<Irradiance<f64, [f64; BANDS]>>::pair(visibility, &surfels[i], &surfels[j])
         };
-        let seen: Vec<Vec<usize>> = sample
-            .par_iter()
-            .map(|&i| (0..surfels.len()).filter(|&j| sees(i, j)).collect())
-            .collect();
+        let seen_from = |&i: &usize| -> Vec<(usize, f64)> {
+            let shares = (0..surfels.len()).map(|j| (j, sees(i, j)));
+            shares.filter(|&(_, share)| share > 0.0).collect()
+        };
+        let seen: Vec<Vec<(usize, f64)>> = sample.par_iter().map(seen_from).collect();
         let visibility_s = extrapolated(start);
 
         let start = Instant::now();
@@ -54,10 +55,10 @@ impl Check {
             radiosity.iter().enumerate().map(|(j, b)| b.map(|b| operator.scaling(j) * b)).collect();
         let mut near = vec![[0.0; BANDS]; surfels.len()];
         operator.corrections().add(&scaled, &mut near);
-        let sum = |(&i, seen): (&usize, &Vec<usize>)| {
+        let sum = |(&i, seen): (&usize, &Vec<(usize, f64)>)| {
             let mut sum = near[i];
-            for &j in seen {
-                let factor = kernel.factor(&surfels[i], &surfels[j]) * surfels[j].area;
+            for &(j, share) in seen {
+                let factor = share * kernel.factor(&surfels[i], &surfels[j]) * surfels[j].area;
                 for (sum, band) in sum.iter_mut().zip(scaled[j]) {
                     *sum += factor * band;
                 }

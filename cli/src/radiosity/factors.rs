@@ -56,8 +56,11 @@ fn row<const BANDS: usize>(exchange: &Exchange<'_, BANDS>, i: usize, cut: f64) -
     let mut factors: Vec<(usize, f64)> = Vec::new();
     for (j, source) in exchange.surfels.iter().enumerate() {
         let factor = kernel.factor(receiver, source) * source.area;
-        if factor > 0.0 && Mask::<Irradiance<f64>>::pair(exchange.visibility, receiver, source) {
-            factors.push((j, factor));
+        if factor > 0.0 {
+            let seen = Mask::<Irradiance<f64>>::pair(exchange.visibility, receiver, source);
+            if seen > 0.0 {
+                factors.push((j, seen * factor));
+            }
         }
     }
     // C is symmetric: its column by i, per unit area of the other, is its row.

@@ -71,7 +71,7 @@ impl<const BANDS: usize> Exchange<'_, BANDS> {
         let source = &self.surfels[i];
         let factor = |receiver| {
             let seen = Mask::<Irradiance<f64>>::pair(self.visibility, receiver, source);
-            if seen { kernel.factor(receiver, source) * source.area } else { 0.0 }
+            seen * kernel.factor(receiver, source) * source.area
         };
         let mut column: Vec<f64> = self.surfels.par_iter().with_min_len(256).map(factor).collect();
         for (j, value) in self.operator.corrections().column(i) {

@@ -28,8 +28,9 @@ pub type SquaredDistance<T, C = T, O = Potential> = PowerLaw<PlusTwo, T, C, O>;
 /// use farfield_potentials::InverseDistance;
 /// use glam::DVec3;
 /// let kernel = InverseDistance::<f64>::new().with_gradient();
-/// let u = farfield::direct(&kernel, &[DVec3::ZERO], &[3.0], &[DVec3::X * 2.0]);
+/// let u = farfield::direct(&kernel, &[DVec3::ZERO], &[3.0], &[DVec3::X * 2.0])?;
 /// assert_eq!((u[0].potential, u[0].gradient), (1.5, [-0.75, 0.0, 0.0]));
+/// # Ok::<(), farfield::Error>(())
 /// ```
 pub struct PowerLaw<E, T, C = T, O = Potential> {
     types: PhantomData<(E, T, C, O)>,

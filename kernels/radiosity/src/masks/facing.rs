@@ -23,8 +23,8 @@ impl<T: Real, C: Numbers<Real = T>> Mask<Irradiance<T, C>> for Facing {
         facing(targets.points, sources.points)
     }
 
-    fn pair(&self, x: &Surfel<T>, y: &Surfel<T>) -> bool {
-        Projections::new(x, y).facing()
+    fn pair(&self, x: &Surfel<T>, y: &Surfel<T>) -> f64 {
+        f64::from(Projections::new(x, y).facing())
     }
 }
 

@@ -160,21 +160,21 @@ impl<T: Real, C: Numbers<Real = T>> Mask<Irradiance<T, C>> for Visibility<'_> {
         }
     }
 
-    fn pair(&self, x: &Surfel<T>, y: &Surfel<T>) -> bool {
+    fn pair(&self, x: &Surfel<T>, y: &Surfel<T>) -> f64 {
         if !Projections::new(x, y).facing() {
             self.counters.facing_away.add(1);
-            return false;
+            return 0.0;
         }
         let sees = self.sees(x, y);
         if sees { &self.counters.unhidden } else { &self.counters.hidden }.add(1);
-        sees
+        f64::from(sees)
     }
 
     fn pairs(
         &self,
         targets: CellView<'_, Surfel<T>>,
         sources: CellView<'_, Surfel<T>>,
-        count: &mut dyn FnMut(usize, usize),
+        count: &mut dyn FnMut(usize, usize, f64),
     ) {
         let same = targets.cell == sources.cell;
         let (xs, ys) = (targets.points, sources.points);
@@ -186,7 +186,7 @@ impl<T: Real, C: Numbers<Real = T>> Mask<Irradiance<T, C>> for Visibility<'_> {
             counters: &self.counters,
             mirrored,
             last: None,
-            count,
+            count: &mut |i, j| count(i, j, 1.0),
             facing: 0,
             visible: 0,
             rays: 0,
@@ -252,13 +252,13 @@ mod tests {
         let cell = Cell::new(&Cube::new(DVec3::ZERO, 4.0), 0, [0; 3]);
         let view = |points| CellView { cell: &cell, points };
         let mut found = Vec::new();
-        Mask::<Kernel>::pairs(mask, view(t), view(s), &mut |i, j| found.push((i, j)));
+        Mask::<Kernel>::pairs(mask, view(t), view(s), &mut |i, j, _| found.push((i, j)));
         found
     }
 
     fn ask_all(mask: &Visibility<'_>, t: &[Surfel], s: &[Surfel]) -> usize {
         let pairs = t.iter().flat_map(|x| s.iter().map(move |y| (x, y)));
-        pairs.filter(|(x, y)| Mask::<Kernel>::pair(mask, x, y)).count()
+        pairs.filter(|(x, y)| Mask::<Kernel>::pair(mask, x, y) == 1.0).count()
     }
 
     #[test]
@@ -389,7 +389,7 @@ mod tests {
             let mut found = 0;
             let view = |k: usize, points| CellView { cell: &cells[k], points };
             let (t, s) = (view(0, &ceiling[..]), view(1, &floor[..]));
-            Mask::<Kernel>::pairs(&mask, t, s, &mut |_, _| found += 1);
+            Mask::<Kernel>::pairs(&mask, t, s, &mut |_, _, _| found += 1);
             let counts = mask.counts();
             assert!(counts.rays <= before && counts.rays > 0);
             before = counts.rays;
@@ -424,7 +424,7 @@ mod tests {
             for (i, x) in other.iter().enumerate() {
                 for (j, y) in floor.iter().enumerate() {
                     let counts = Mask::<Kernel>::pair(&masks[1], x, y);
-                    prop_assert_eq!(counts, found.contains(&(i, j)));
+                    prop_assert_eq!(counts == 1.0, found.contains(&(i, j)));
                 }
             }
             prop_assert_eq!(masks[0].counts(), masks[1].counts());

@@ -52,7 +52,7 @@ fn operator<const BANDS: usize>(
     let row = |x| -> Vec<f64> {
         let entry = |y| {
             let visible = Mask::<Irradiance<f64>>::pair(&mask, x, y);
-            if visible { kernel.factor(x, y) * y.area } else { 0.0 }
+            visible * kernel.factor(x, y) * y.area
         };
         scene.surfels.iter().map(entry).collect()
     };
