@@ -125,6 +125,13 @@ impl Modules {
             let target = self.absolute(module, path)?;
             return self.file(&[&target, &rest[1..]].concat(), seen);
         }
+        // … or it's a macro, which the root exports wherever it's defined, …
+        if module.is_empty() {
+            let defines = |(_, content): &&(String, Module)| content.macros.contains(name);
+            if let Some((file, _)) = self.0.values().find(defines) {
+                return Some(file.clone());
+            }
+        }
         // … or it comes through a glob from a module that names it, or it's defined here.
         let globs = content.uses.iter().filter(|leaf| leaf.name == "*");
         let through = |leaf: &Use| {
@@ -154,13 +161,14 @@ mod tests {
     fn imports_lead_to_the_files_that_define() {
         let files = [
             ("lib.rs", "mod a; mod b; pub use b::Thing;"),
-            ("a/mod.rs", "mod c; mod d; pub(crate) use c::C; fn f() { d::g(); }"),
+            ("a/mod.rs", "mod c; mod d; pub(crate) use c::C; fn f() { d::g(); } macro_rules! m {}"),
             ("a/c.rs", "use super::d::D; use crate::Thing; use std::fmt; pub struct C;"),
             (
                 "a/d.rs",
                 "fn h() -> crate::a::C { super::f() } #[cfg(test)] mod t { use crate::b::X; }",
             ),
             ("b.rs", "mod inner { use super::Thing; use crate::a::*; } pub struct Thing;"),
+            ("e.rs", "fn f() { crate::m!(1); }"),
         ];
         let expected = [
             "a/c.rs → a/d.rs: super::d::D",
@@ -170,6 +178,7 @@ mod tests {
             "a/mod.rs → a/c.rs: c::C",
             "a/mod.rs → a/d.rs: d::g",
             "b.rs → a/mod.rs: crate::a::*",
+            "e.rs → a/mod.rs: crate::m",
             "lib.rs → b.rs: b::Thing",
         ];
         assert_eq!(edges(&files), expected);

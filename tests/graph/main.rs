@@ -30,8 +30,8 @@ const KERNELS: [&str; 14] = [
     "yukawa",
 ];
 
-/// What occlusion may take from the engine: numbers and points.
-const NUMBERS: [&str; 4] = ["Number", "Point", "Real", "Vector"];
+/// What occlusion may take from the engine: numbers, points, and the registers that both are worked on in.
+const NUMBERS: [&str; 5] = ["Number", "Point", "Real", "Vector", "dispatch"];
 
 #[test]
 fn folders_of_the_engine_import_only_from_those_above() {

@@ -19,6 +19,8 @@ pub(crate) struct Module {
     pub(crate) uses: Vec<Use>,
     /// Paths outside of `use` declarations, at least two names long.
     pub(crate) inline: Vec<Path>,
+    /// Macros defined here, by name.
+    pub(crate) macros: Vec<String>,
     /// Modules with a body of their own in this file.
     pub(crate) nested: Vec<(String, Module)>,
 }
@@ -80,6 +82,10 @@ impl Parser<'_> {
                     let name = self.token(1).to_owned();
                     self.at += 3;
                     module.nested.push((name, self.module()));
+                }
+                "macro_rules" if self.token(1) == "!" && is_name(self.token(2)) => {
+                    module.macros.push(self.token(2).to_owned());
+                    self.at += 3;
                 }
                 "}" if depth == 0 => {
                     self.at += 1;
@@ -208,11 +214,14 @@ mod tests {
     }
 
     #[test]
-    fn nested_modules_are_apart() {
-        let module = parse("use a::b; mod c { use super::d; fn e() { f::g(); } } mod h; i::j!{}");
+    fn nested_modules_are_apart_and_macros_known() {
+        let code = "use a::b; mod c { use super::d; fn e() { f::g(); } } mod h; i::j!{} \
+                    macro_rules! k { () => {} }";
+        let module = parse(code);
         let (name, nested) = &module.nested[0];
         assert_eq!((name.as_str(), nested.uses[0].name.as_str()), ("c", "d"));
         assert_eq!(nested.inline, [["f", "g"]]);
         assert_eq!((module.uses.len(), module.inline.len()), (1, 1));
+        assert_eq!(module.macros, ["k"]);
     }
 }
