@@ -45,10 +45,11 @@ pub enum Error {
         charge: Vec<f64>,
     },
     /// A sum came out as NaN or infinite although all inputs were finite: the kernel is singular at
-    /// a pair that occurs, or the sum overflows.
+    /// a pair that occurs, the type of values does not fit its fields, or the sum overflows.
     #[error(
-        "the sum at target {index} is {value:?}: expected the kernel to be finite at every pair that \
-         occurs (a kernel that is singular at coincident points must give zero there)"
+        "the sum at target {index} is {value:?}: expected a kernel that is finite at every pair that occurs \
+         (one that is singular at coincident points must give zero there), a value with as many numbers \
+         as the kernel has fields, and sums within the range of numbers"
     )]
     NonFiniteValue {
         /// The target's index in the caller's order.
@@ -102,6 +103,12 @@ pub enum Error {
         /// The numbers of the type.
         found: usize,
     },
+    /// Charges are lists of any length, and nothing says how many right-hand sides they hold.
+    #[error(
+        "charges are lists of numbers: expected the kernel to say how many right-hand sides they hold \
+         (`Kernel::columns`, or `FormulaKernel::with_columns`), found none"
+    )]
+    UnknownColumns,
     /// More points than the engine's 32-bit indices can number.
     #[error("{found} {set}s: expected at most {limit}")]
     TooManyPoints {

@@ -47,7 +47,10 @@ impl<S: Scalar> Request<'_, S> {
             Spectrum::new(kernel, parities, self.far, self.rule, self.scale.least())
         };
         let targets = spectrum(self.kernel, |p| &p.fields)?;
-        let sources = if self.symmetric {
+        // A basis serves both sides only if its functions have the same signs on both: dx·dy is symmetric, but
+        // its field is odd and its density even, or the other way round.
+        let alike = parities.as_ref().is_none_or(|p| p.fields == p.densities);
+        let sources = if self.symmetric && alike {
             None
         } else {
             Some(spectrum(&self.kernel.transpose(), |p| &p.densities)?)

@@ -7,7 +7,7 @@ use crate::error::Error;
 use crate::kernel::derivatives::{Derivatives, WithHessian};
 use crate::kernel::formula::{Formula, FormulaEntry};
 use crate::kernel::side_by_side::{FormulaBlock, Pack, entries_side_by_side, slopes};
-use crate::kernel::traits::{Kernel, Outcome};
+use crate::kernel::traits::{Kernel, Outcome, check_columns};
 use crate::kernel::with_gradient::WithGradient;
 use crate::numbers::traits::{Located, Numbers, Point, Scalar};
 
@@ -61,7 +61,8 @@ impl<F, P, Q, U> FormulaKernel<F, P, Q, U> {
     /// The same kernel with the gradient of its sum as part of the [value](WithGradient). The
     /// derivatives of the formula are its own: it is evaluated in numbers that carry them along. Where a point
     /// meets itself, as in sums over one set of points, they have to exist, or the pair to be
-    /// [skipped](Self::skip_coincident): |d| has none at d = 0, |d|² has.
+    /// [skipped](Self::skip_coincident): |d| has none at d = 0, |d|² has. So has every part of the formula to
+    /// have derivatives, even one of y alone: √(y₁) gives NaN at y₁ = 0.
     pub fn gradient(self) -> FormulaGradient<F, P, Q, U> {
         FormulaGradient { kernel: self }
     }
@@ -145,6 +146,7 @@ where
             Err(Error::KernelSize { what, expected, found })
         };
         fits("charge", Q::LEN, densities)?;
+        check_columns::<Q>(self.columns())?;
         fits("value", U::LEN, fields)
     }
 

@@ -62,18 +62,19 @@ pub trait Kernel: Send + Sync {
     }
 
     /// How many independent right-hand sides ride along: by default as many as make up a charge, if each
-    /// density takes one of its numbers. A kernel whose [`density`](Self::density) makes several densities
-    /// of one number says it here.
+    /// density takes one of its numbers, and 0 if that leaves a remainder. A kernel whose
+    /// [`density`](Self::density) makes other numbers of a charge says it here.
     #[inline(always)]
     fn columns(&self) -> usize {
-        Self::Charge::LEN / (Self::Entry::PARTS * self.densities()).max(1)
+        let each = (Self::Entry::PARTS * self.densities()).max(1);
+        if Self::Charge::LEN.is_multiple_of(each) { Self::Charge::LEN / each } else { 0 }
     }
 
     /// Refuses sizes that don't belong together. Called before every sum; the default finds kernels
-    /// without fields or densities, and charges that are too short for the densities.
+    /// without fields or densities, and charges that the densities can't be taken from.
     ///
     /// # Errors
-    /// [`Error::EmptyKernel`] or [`Error::KernelSize`].
+    /// [`Error::EmptyKernel`], [`Error::KernelSize`] or [`Error::UnknownColumns`].
     fn check_sizes(&self) -> Result<(), Error> {
         let (fields, densities) = (self.fields(), self.densities());
         if fields == 0 || densities == 0 {
@@ -83,7 +84,7 @@ pub trait Kernel: Send + Sync {
             let (expected, found) = (Self::Entry::PARTS * densities, Self::Charge::LEN);
             return Err(Error::KernelSize { what: "charge", expected, found });
         }
-        Ok(())
+        check_columns::<Self::Charge>(self.columns())
     }
 
     /// How many numbers a charge may have at most that is a list: by default one for each density in every
@@ -102,6 +103,8 @@ pub trait Kernel: Send + Sync {
 
     /// Adds R_x f to `u`. `fields` holds, for each field, its number in every column; `gradients`
     /// ∂f/∂x in the same order if [`needs_gradients`](Self::needs_gradients), and nothing otherwise.
+    ///
+    /// The default takes a value for the fields themselves. One of another length becomes NaN.
     #[inline(always)]
     fn value(
         &self,
@@ -110,6 +113,10 @@ pub trait Kernel: Send + Sync {
         _gradients: &[[Self::Entry; 3]],
         u: &mut Self::Value,
     ) {
+        if Self::Value::LEN > 0 && Self::Value::LEN != Self::Entry::PARTS * fields.len() {
+            (0..Self::Value::LEN).for_each(|i| u.set_number(i, <Self::Real as Float>::nan()));
+            return;
+        }
         for (k, &field) in fields.iter().enumerate() {
             u.set_column(k, u.column::<Self::Entry>(k) + field);
         }
@@ -199,6 +206,11 @@ pub enum Outcome {
     Done,
     /// Nothing has been added.
     Declined,
+}
+
+/// Refuses charges that are lists where nothing says how many columns they hold.
+pub(crate) fn check_columns<Q>(columns: usize) -> Result<(), Error> {
+    if columns == 0 && size_of::<Q>() > 0 { Err(Error::UnknownColumns) } else { Ok(()) }
 }
 
 /// Adds the sums of a block, R_x Σ_j G(x, y_j) S_y q_j, target by target.

@@ -128,12 +128,14 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
     /// ```
     ///
     /// # Errors
-    /// As [`build`](Self::build), but for those of the expansion.
+    /// As [`build`](Self::build), but for those of the expansion and of the mask's pairs.
     pub fn estimate(
         &self,
         sources: &[SourceOf<E>],
         targets: &[TargetOf<E>],
     ) -> Result<Estimate, Error> {
+        DispatchLevel::in_force()?;
+        self.expansion.kernel().check_sizes()?;
         let (mut clock, mut tree_seconds) = (Clock::start(), 0.0);
         let trees = self.trees(sources, targets)?;
         clock.lap(&mut tree_seconds);

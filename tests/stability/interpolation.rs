@@ -27,6 +27,36 @@ fn interpolation_error(nodes: &[f64]) -> f64 {
     (0..200).map(|i| f64::from(i) / 100.0 - 0.995).map(|x| (at(x) - f(x)).abs()).fold(0.0, f64::max)
 }
 
+/// d_x d_y is symmetric, but flips its sign under two reflections: its fields are odd where its densities
+/// are even.
+#[test]
+fn kernels_odd_along_two_axes_meet_their_tolerance() {
+    let points = clouds::cube(1500, 5);
+    let charges: Vec<f64> = charges(1500, 6).iter().map(|q| q.abs()).collect();
+    let product = |x: DVec3, y: DVec3| (x.x - y.x) * (x.y - y.y);
+    let shear =
+        |x: DVec3, y: DVec3| (x.z - y.z) * (x.y - y.y) * (x.distance_squared(y) + 0.01).powf(-1.5);
+    let mut largest = 0.0f64;
+    for formula in [product as Formula, shear] {
+        let sizes = from_fn(|x: DVec3, y: DVec3| formula(x, y).abs());
+        let sizes = direct(&sizes, &points, &charges, &points).unwrap();
+        let exact = direct(&plain(formula), &points, &charges, &points).unwrap();
+        let fmm = build(formula, 1e-5, &points, &points).unwrap();
+        assert!(fmm.report().stats.expansion_pairs > 0, "a far field to test");
+        let sums = fmm.apply(&charges).unwrap();
+        let sums: Vec<f64> = sums.iter().zip(&exact).map(|(a, b)| a - b).collect();
+        let norm = |values: &[f64]| values.iter().map(|v| v * v).sum::<f64>().sqrt();
+        largest = largest.max(norm(&sums) / norm(&sizes));
+    }
+    assert!(largest < 1e-5, "{largest:e}");
+    row(
+        "Kernels odd along two axes",
+        "symmetric, but what leaves a cell has other signs than what enters it",
+        "one basis for both: refused at every tolerance, wrong in all digits by order",
+        format!("error {largest:.0e} at tolerance 1e-5"),
+    );
+}
+
 #[test]
 fn high_orders_are_well_conditioned() {
     let n = 48;

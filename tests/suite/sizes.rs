@@ -1,6 +1,7 @@
 //! Sizes of kernels: known when they are compiled or at run time only, and what is refused; points of any type.
 
-use farfield::{Fmm, Kernel, direct, from_formula, relative_l2_error, rows_as_points};
+use farfield::num_complex::Complex;
+use farfield::{Fmm, Kernel, direct, from_fn, from_formula, relative_l2_error, rows_as_points};
 use farfield_testing::clouds;
 use glam::DVec3;
 use ndarray::{Array2, ShapeBuilder};
@@ -139,7 +140,15 @@ fn sizes_that_don_t_belong_together_are_refused() {
     // A kernel that makes more densities than its charges have numbers has to say how many columns it has.
     let unsaid = Table { side: 3, columns: 0, offsets: vec![1.0; 9], blocks: Default::default() };
     let refused = direct(&unsaid, &at, &[vec![1.0; 3], vec![1.0; 3]], &at).unwrap_err();
-    assert_eq!(refused, farfield::Error::ChargeTooLong { index: 0, expected: 0, found: 3 });
+    assert_eq!(refused, farfield::Error::UnknownColumns);
+    let refused = direct(&plain(|x, _| x.x).charges::<Vec<f64>>(), &[], &[], &at).unwrap_err();
+    assert_eq!(refused, farfield::Error::UnknownColumns);
+    // Three numbers are no whole number of complex charges.
+    let waves = from_fn(|x: DVec3, _: DVec3| Complex::new(x.x, 1.0)).charges::<[f64; 3]>();
+    let refused = direct(&waves, &[], &[], &at).unwrap_err();
+    assert_eq!(refused, KernelSize { what: "charge", expected: 2, found: 3 });
+    let estimate = Fmm::builder(waves).tolerance(1e-3).estimate(&[], &at).unwrap_err();
+    assert_eq!(estimate, refused);
     let empty = Table { side: 0, columns: 1, offsets: Vec::new(), blocks: Default::default() };
     let refused = direct(&empty, &at, &[vec![], vec![]], &at).unwrap_err();
     assert_eq!(refused, EmptyKernel { fields: 0, densities: 0 });
