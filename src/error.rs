@@ -143,6 +143,17 @@ pub enum Error {
         /// The smallest error seen.
         reachable: f64,
     },
+    /// Preparing the expansion takes more than it may, [`Geometry::most_seconds`](crate::Geometry::most_seconds).
+    #[error(
+        "the expansion's operators would take more than {needed:.1e} seconds of one core: expected at most \
+         {limit:.1e}"
+    )]
+    OverWork {
+        /// The seconds that they may take.
+        limit: f64,
+        /// The seconds that they need at least.
+        needed: f64,
+    },
     /// An expansion order outside the range that its expansion supports.
     #[error("order {found}: expected {min} to {max}")]
     InvalidOrder {

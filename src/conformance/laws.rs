@@ -30,12 +30,10 @@ where
     Q: Fn(usize) -> ChargeOf<E>,
 {
     let root = Cube::new(Point::<RealOf<E>>::default(), RealOf::<E>::from_f64(1.0));
-    let levels = [LEVEL, LEVEL + 1].map(|level| Level {
-        level,
-        half_width: Cell::new(&root, level, [0; 3]).half_width(),
-        offsets: OFFSETS.to_vec(),
+    let levels = [LEVEL, LEVEL + 1].map(|level| {
+        Level::new(level, Cell::new(&root, level, [0; 3]).half_width(), OFFSETS.to_vec())
     });
-    expansion.prepare(&Geometry { root, levels: levels.to_vec() })?;
+    expansion.prepare(&Geometry::new(root, levels.to_vec()))?;
     for offset in OFFSETS.into_iter().chain(UNANNOUNCED) {
         let cells = CellPair::new(&expansion, samples, &root, offset);
         cells.operators(tolerance)?;

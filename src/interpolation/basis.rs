@@ -88,8 +88,12 @@ impl<S: Scalar> Spectrum<S> {
         rule: &Chebyshev<S::Real>,
         size: f64,
     ) -> Result<Self, Error> {
-        let columns = far.columns(kernel, rule, size);
         let n = rule.len();
+        let parts = if component_parities.is_some() { 8.0 } else { 1.0 };
+        let [evaluations, decomposition] = spectrum_costs(kernel, far, n, parts);
+        kernel.afford(evaluations, decomposition)?;
+        let columns = far.columns(kernel, rule, size);
+        kernel.spend(decomposition)?;
         let parity_of = |k: usize| {
             let Some(parities) = component_parities else { return 0 };
             let (component, k) = (k / n.pow(3), k % n.pow(3));
@@ -115,6 +119,13 @@ impl<S: Scalar> Spectrum<S> {
         };
         let parts = parallel::map(8, &part).into_iter().flatten().collect::<Result<_, _>>()?;
         Ok(Self { parts, coefficients: columns.rows, components: kernel.fields })
+    }
+
+    /// How many functions it takes to leave out at most `cut`.
+    pub(crate) fn rank(&self, cut: f64) -> usize {
+        let sigma = || self.parts.iter().flat_map(|part| part.sigma.iter().copied());
+        let floor = smallest_kept(sigma(), cut);
+        sigma().filter(|&s| s >= floor).count()
     }
 
     /// The fewest functions that leave out at most `cut`, root mean square per sample; their skeleton.
@@ -154,6 +165,21 @@ impl<S: Scalar> Spectrum<S> {
         }
         (functions, parities, blocks)
     }
+}
+
+/// The evaluations and multiply-adds of a [`Spectrum`] with n nodes per axis whose far field falls into
+/// so many parts.
+pub(crate) fn spectrum_costs<S: Scalar>(
+    kernel: &Entries<'_, S>,
+    far: &FarField<S::Real>,
+    n: usize,
+    parts: f64,
+) -> [f64; 2] {
+    let tall = (n.pow(3) * kernel.fields) as f64 / parts;
+    let wide = (far.len() * kernel.densities) as f64;
+    // A reduction to two diagonals, and its way back.
+    let decomposition = 2.0 * parts * tall * tall.min(wide) * (wide + 2.0 * tall);
+    [(n.pow(3) * far.len()) as f64, decomposition]
 }
 
 impl<S: Scalar> Basis<S> {

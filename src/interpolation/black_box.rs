@@ -7,8 +7,9 @@ use crate::kernel::traits::Kernel;
 use crate::parallel::pool::Pool;
 
 use crate::interpolation::basis::Basis;
+use crate::interpolation::everywhere::Everywhere;
 use crate::interpolation::operators::Accuracy;
-use crate::interpolation::prepared::{Everywhere, Prepared};
+use crate::interpolation::prepared::Prepared;
 use crate::interpolation::scratch::{Scratch, Shifted};
 
 /// The far field of any [`Kernel`]: interpolation at Chebyshev nodes (Fong and Darve, "The

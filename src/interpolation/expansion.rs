@@ -12,6 +12,7 @@ use crate::interpolation::operators::Accuracy;
 use crate::interpolation::prepared::Prepared;
 use crate::interpolation::probe::Entries;
 use crate::interpolation::tuning::ENTRY_PAIRS;
+use crate::interpolation::work::Work;
 use crate::kernel::traits::{Kernel, Outcome};
 use crate::numbers::traits::{Point, Real};
 use crate::octree::geometry::Cell;
@@ -40,7 +41,9 @@ impl<K: Kernel> Expansion for Interpolation<K> {
         let block = |xs: &[Point<K::Real>], ys: &[Point<K::Real>], g: &mut [K::Entry]| {
             kernel.entries_block(xs, ys, g);
         };
-        let entries = Entries::new(kernel.fields(), kernel.densities(), &block);
+        let work = Work::new(geometry.most_seconds, geometry.pair_seconds);
+        let entries =
+            Entries::new(kernel.fields(), kernel.densities(), &block).at_expense_of(&work);
         self.prepared = Prepared::new(type_name::<K>(), &entries, self.accuracy, geometry)?;
         self.scratch = Pool::default();
         Ok(())

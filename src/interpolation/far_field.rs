@@ -57,6 +57,11 @@ impl<T: Real> FarField<T> {
         Self { sources, starts, offsets, half_width }
     }
 
+    /// How many sources there are.
+    pub(crate) fn len(&self) -> usize {
+        self.sources.len()
+    }
+
     /// Half the cell's edge.
     pub(crate) fn half_width(&self) -> T {
         self.half_width
@@ -182,6 +187,7 @@ impl<T: Real> FarField<T> {
             let mut differences = field(&targets);
             let mut interpolated = vec![zero::<S>(); differences.len()];
             S::product(&weights, &field(&grid), false, &mut interpolated);
+            kernel.add_products((weights.columns * interpolated.len()) as f64);
             differences.iter_mut().zip(interpolated).for_each(|(exact, value)| *exact -= value);
             let errors = differences.chunks_exact(targets.len() * entries);
             let mean = |(errors, &(o, _, factor)): (&[S], &(usize, Point<T>, f64))| {
@@ -205,6 +211,13 @@ impl<T: Real> FarField<T> {
     ) -> Vec<S> {
         kernel.at(x * self.half_width, y * self.half_width)
     }
+}
+
+/// The evaluations and multiply-adds that it takes to find the error of a rule with n nodes per axis.
+pub(crate) fn test_costs<S: Scalar>(kernel: &Entries<'_, S>, n: usize) -> [f64; 2] {
+    let sources = INTERACTION_OFFSETS + (5usize.pow(3) - 3usize.pow(3)) * (PER_OFFSET - 1);
+    let products = sources * n.pow(3) * TEST_TARGETS * kernel.fields * kernel.densities;
+    [(sources * (n.pow(3) + TEST_TARGETS)) as f64, products as f64]
 }
 
 /// The centre of the cell at an offset, in half-widths.

@@ -8,10 +8,10 @@ use crate::interpolation::basis::Spectrum;
 use crate::interpolation::budget::truncation_share;
 use crate::interpolation::chebyshev::Chebyshev;
 use crate::interpolation::far_field::FarField;
-use crate::interpolation::means::{Means, interaction_offsets};
+use crate::interpolation::means::{INTERACTION_OFFSETS, Means, interaction_offsets};
 use crate::interpolation::probe::{self, Entries, Parities};
 use crate::interpolation::transfer::Transfers;
-use crate::interpolation::tuning::ATTEMPTS;
+use crate::interpolation::tuning::{ATTEMPTS, CHECK_POINTS};
 use crate::numbers::traits::Scalar;
 
 /// Operators between cells of one size.
@@ -60,6 +60,11 @@ impl<S: Scalar> Request<'_, S> {
         let mut attempt = 0;
         loop {
             let cut = share * self.tolerance * self.scale.least();
+            let rank = targets.rank(cut);
+            let [evaluations, multiply_adds] =
+                operator_costs(self.kernel, self.rule.len(), rank, parities.is_some());
+            self.kernel.afford(evaluations, 0.0)?;
+            self.kernel.spend(multiply_adds)?;
             let target = Arc::new(targets.basis(cut, self.rule));
             let source = match &sources {
                 Some(sources) => Arc::new(sources.basis(cut, self.rule)),
@@ -78,4 +83,23 @@ impl<S: Scalar> Request<'_, S> {
             share *= (0.9 * accepted / level.error).clamp(0.2, 0.75);
         }
     }
+}
+
+/// The evaluations and multiply-adds that turn a basis of so many functions into operators, and check them.
+pub(crate) fn operator_costs<S: Scalar>(
+    kernel: &Entries<'_, S>,
+    n: usize,
+    rank: usize,
+    reflected: bool,
+) -> [f64; 2] {
+    let Entries { fields, densities, .. } = *kernel;
+    let (rank, nodes) = (rank as f64, (n.pow(3) * fields) as f64);
+    let images = if reflected { 56.0 } else { INTERACTION_OFFSETS as f64 };
+    let checked = (INTERACTION_OFFSETS * CHECK_POINTS * CHECK_POINTS) as f64;
+    let evaluations = images * (rank / fields as f64).powi(2) + checked;
+    let skeleton = 2.0 * rank * rank * nodes;
+    // Sketches and cores of all directions.
+    let transfers = 2.0 / 3.0 * images * rank.powi(3);
+    let sums = (INTERACTION_OFFSETS * CHECK_POINTS * densities) as f64 * rank * rank / 4.0;
+    [evaluations, skeleton + transfers + sums]
 }

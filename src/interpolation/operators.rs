@@ -3,14 +3,15 @@
 use num_traits::Float;
 
 use crate::error::Error;
-use crate::interpolation::basis::{adjoint, product};
+use crate::interpolation::basis::{adjoint, product, spectrum_costs};
 use crate::interpolation::budget::{
     ACCEPTED_LEVEL_SHARE, ACCEPTED_SHARE, INTERPOLATION_SHARE, LIMITING_SHARE,
     ORDER_TRUNCATION_SHARE, SAFE_SHARE,
 };
 use crate::interpolation::chebyshev::Chebyshev;
-use crate::interpolation::far_field::FarField;
-use crate::interpolation::level::{LevelOperators, Request};
+use crate::interpolation::cost;
+use crate::interpolation::far_field::{FarField, test_costs};
+use crate::interpolation::level::{LevelOperators, Request, operator_costs};
 use crate::interpolation::means::Means;
 use crate::interpolation::probe::{self, Entries};
 use crate::interpolation::tuning::{MAX_ORDER, MORE_ORDERS, WHOLE_DENSITY};
@@ -89,10 +90,17 @@ impl<S: Scalar> Operators<S> {
                 if symmetric {
                     targets
                 } else {
-                    targets.max(far.interpolation_error(&kernel.transpose(), rule, scale))
+                    let sources = far.interpolation_error(&kernel.transpose(), rule, scale);
+                    largest([targets, sources])
                 }
             });
-            errors.fold(0.0, f64::max)
+            largest(errors)
+        };
+        let sides = if symmetric { 1.0 } else { 2.0 };
+        let tests = sides * fields.len() as f64;
+        let afford = |n: usize| {
+            let [evaluations, products] = test_costs(kernel, n);
+            kernel.afford_probes(tests * evaluations, tests * products)
         };
         let (orders, tolerance, accepted, needed) = match accuracy {
             Accuracy::Order(order) => {
@@ -102,12 +110,13 @@ impl<S: Scalar> Operators<S> {
                 (order..=order, tolerance.max(floor), f64::INFINITY, f64::INFINITY)
             }
             Accuracy::Tolerance(requested) => {
-                let order = fewest_nodes(requested, worst)?.len();
+                let order = fewest_nodes(requested, afford, worst)?.len();
                 let accepted =
                     if sizes.homogeneous { ACCEPTED_SHARE } else { ACCEPTED_LEVEL_SHARE };
                 (order..=MAX_ORDER.min(order + MORE_ORDERS), requested, accepted, requested)
             }
         };
+        foretell(kernel, accuracy, *orders.start(), &fields)?;
         // The squares of the levels' errors add up.
         let levels = (fields.len() as f64).sqrt();
         let mut reachable = f64::INFINITY;
@@ -150,6 +159,34 @@ impl<S: Scalar> Operators<S> {
     }
 }
 
+/// Refuses operators of order `n` that can't be afforded, before they are begun.
+fn foretell<S: Scalar>(
+    kernel: &Entries<'_, S>,
+    accuracy: Accuracy,
+    n: usize,
+    fields: &[FarField<S::Real>],
+) -> Result<(), Error> {
+    let (mut evaluations, mut multiply_adds) = (0.0, 0.0);
+    for far in fields {
+        let parities = probe::parities(kernel, far.half_width());
+        let sides = if probe::symmetric(kernel, far.half_width()) { 1.0 } else { 2.0 };
+        let parts = if parities.is_some() { 8.0 } else { 1.0 };
+        let [samples, columns] = spectrum_costs(kernel, far, n, parts);
+        // The rank of 1/r is that of a smooth kernel; others have more.
+        let rank = cost::rank(accuracy, kernel.fields.min(kernel.densities)) as usize;
+        let [own, products] = operator_costs(kernel, n, rank, parities.is_some());
+        evaluations += sides * samples + own;
+        multiply_adds += sides * columns + products;
+    }
+    kernel.afford(evaluations, multiply_adds)
+}
+
+/// The largest of some numbers, 0 if there are none; NaN if one of them is.
+pub(crate) fn largest(numbers: impl IntoIterator<Item = f64>) -> f64 {
+    let larger = |a: f64, b: f64| if b > a || b.is_nan() { b } else { a };
+    numbers.into_iter().fold(0.0, larger)
+}
+
 fn shifts<S: Scalar>(rule: &Chebyshev<S::Real>, levels: &[LevelOperators<S>]) -> Vec<Shifts<S>> {
     match levels {
         [one] => vec![Shifts::new(rule, one, one)],
@@ -160,15 +197,20 @@ fn shifts<S: Scalar>(rule: &Chebyshev<S::Real>, levels: &[LevelOperators<S>]) ->
 /// The rule with the fewest nodes whose error is the share of the tolerance that interpolation may use.
 pub(crate) fn fewest_nodes<T: Real>(
     requested: f64,
+    afford: impl Fn(usize) -> Result<(), Error>,
     error: impl Fn(&Chebyshev<T>) -> f64,
 ) -> Result<Chebyshev<T>, Error> {
     let mut reachable = f64::INFINITY;
-    let rule = (1..=MAX_ORDER).map(Chebyshev::new).find(|rule| {
-        let needed = error(rule) / INTERPOLATION_SHARE;
+    for n in 1..=MAX_ORDER {
+        afford(n)?;
+        let rule = Chebyshev::new(n);
+        let needed = error(&rule) / INTERPOLATION_SHARE;
         reachable = reachable.min(needed);
-        needed <= requested
-    });
-    rule.ok_or(Error::UnreachableTolerance { requested, reachable })
+        if needed <= requested {
+            return Ok(rule);
+        }
+    }
+    Err(Error::UnreachableTolerance { requested, reachable })
 }
 
 /// The size of one pair that errors of each level are relative to. A level whose far field is weaker

@@ -4,13 +4,10 @@ use std::sync::Arc;
 
 use crate::error::Error;
 use crate::expansion::Geometry;
-use crate::interpolation::basis::Basis;
 use crate::interpolation::cache::{self, Key};
-use crate::interpolation::chebyshev::Chebyshev;
-use crate::interpolation::far_field::FarField;
+use crate::interpolation::everywhere::Everywhere;
 use crate::interpolation::level::LevelOperators;
-use crate::interpolation::means::Means;
-use crate::interpolation::operators::{Accuracy, Operators, Sizes, fewest_nodes};
+use crate::interpolation::operators::{Accuracy, Operators, Sizes};
 use crate::interpolation::probe::{self, Entries};
 use crate::interpolation::transfer::Transfers;
 use crate::interpolation::tuning::{EXTENDED_BYTES, SAMPLED_EXTENT};
@@ -24,13 +21,6 @@ pub(crate) enum Prepared<S: Scalar> {
     Everywhere(Box<Everywhere<S>>),
     /// For translation-invariant kernels.
     Invariant(Box<Invariant<S>>),
-}
-
-/// The polynomials of a kernel that is not translation invariant.
-pub(crate) struct Everywhere<S: Scalar> {
-    pub(crate) rule: Chebyshev<S::Real>,
-    pub(crate) source: Basis<S>,
-    pub(crate) target: Basis<S>,
 }
 
 /// The operators of a translation-invariant kernel, and where they belong in a tree.
@@ -72,57 +62,6 @@ impl<S: Scalar> Prepared<S> {
         }
         let invariant = Invariant::new(kernel_type, kernel, accuracy, geometry)?;
         Ok(Self::Invariant(Box::new(invariant)))
-    }
-}
-
-impl<S: Scalar> Everywhere<S> {
-    pub(crate) fn with_order(n: usize, fields: usize, densities: usize) -> Self {
-        let rule = Chebyshev::new(n);
-        let (source, target) = (Basis::full(&rule, densities), Basis::full(&rule, fields));
-        Self { rule, source, target }
-    }
-
-    /// The order is the smallest that serves cells about the centre of the root.
-    fn new(
-        kernel: &Entries<'_, S>,
-        accuracy: Accuracy,
-        geometry: &Geometry<S::Real>,
-    ) -> Result<Self, Error> {
-        let requested = match accuracy {
-            Accuracy::Order(n) => return Ok(Self::with_order(n, kernel.fields, kernel.densities)),
-            Accuracy::Tolerance(requested) => requested,
-        };
-        let centre = geometry.root.centre();
-        let half_widths = geometry.levels.iter().map(|level| level.half_width);
-        let rule = kernel.seen_from(centre, |kernel| {
-            kernel.in_units_of(probe::unit(kernel, half_widths), |kernel| {
-                Self::rule(kernel, requested, geometry)
-            })
-        })?;
-        Ok(Self::with_order(rule.len(), kernel.fields, kernel.densities))
-    }
-
-    /// The smallest that serves a kernel between cells about the origin.
-    fn rule(
-        kernel: &Entries<'_, S>,
-        requested: f64,
-        geometry: &Geometry<S::Real>,
-    ) -> Result<Chebyshev<S::Real>, Error> {
-        let fields: Vec<FarField<S::Real>> =
-            geometry.levels.iter().map(|level| FarField::new(level.half_width, 0.0, 1)).collect();
-        let sides = [kernel, &kernel.transpose()];
-        let sizes = |far: &FarField<S::Real>| sides.map(|side| far.size(side));
-        let sizes: Vec<[Means; 2]> = fields.iter().map(sizes).collect();
-        if !sizes.as_flattened().iter().all(|size| size.least().is_finite()) {
-            return Err(Error::NonFiniteKernel);
-        }
-        fewest_nodes(requested, |rule| {
-            let errors = fields.iter().zip(&sizes).flat_map(|(far, sizes)| {
-                let error = |(&side, &size)| far.interpolation_error(side, rule, size);
-                sides.iter().zip(sizes).map(error)
-            });
-            errors.fold(0.0, f64::max)
-        })
     }
 }
 

@@ -2,7 +2,9 @@
 
 use num_traits::Float;
 
+use crate::error::Error;
 use crate::interpolation::tuning::PROBE_PAIRS;
+use crate::interpolation::work::Work;
 use crate::numbers::traits::{Numbers, Point, Real, Scalar, Vector, l2_norm};
 use crate::octree::geometry::Cube;
 
@@ -14,6 +16,7 @@ pub(crate) struct Entries<'a, S: Scalar> {
     pub(crate) densities: usize,
     block: &'a Block<'a, S>,
     transposed: bool,
+    work: Option<&'a Work>,
 }
 
 /// Writes the entries of a block of pairs, as [`Kernel::entries_block`](crate::Kernel::entries_block).
@@ -24,13 +27,40 @@ pub(crate) type PointOf<S> = Point<<S as Numbers>::Real>;
 
 impl<'a, S: Scalar> Entries<'a, S> {
     pub(crate) fn new(fields: usize, densities: usize, block: &'a Block<'a, S>) -> Self {
-        Self { fields, densities, block, transposed: false }
+        Self { fields, densities, block, transposed: false, work: None }
+    }
+
+    /// The same entries, evaluated at the expense of `work`.
+    pub(crate) fn at_expense_of(self, work: &'a Work) -> Self {
+        Self { work: Some(work), ..self }
+    }
+
+    /// Refuses work that can't be afforded, see [`Work::spend`].
+    pub(crate) fn spend(&self, multiply_adds: f64) -> Result<(), Error> {
+        self.work.map_or(Ok(()), |work| work.spend(multiply_adds))
+    }
+
+    /// Whether so many probes can be afforded, see [`Work::afford_probes`].
+    pub(crate) fn afford_probes(&self, evaluations: f64, multiply_adds: f64) -> Result<(), Error> {
+        self.work.map_or(Ok(()), |work| work.afford_probes(evaluations, multiply_adds))
+    }
+
+    /// Counts multiply-adds that have been made.
+    pub(crate) fn add_products(&self, multiply_adds: f64) {
+        if let Some(work) = self.work {
+            work.add_products(multiply_adds);
+        }
+    }
+
+    /// Whether so much more could be afforded, see [`Work::afford`].
+    pub(crate) fn afford(&self, evaluations: f64, multiply_adds: f64) -> Result<(), Error> {
+        self.work.map_or(Ok(()), |work| work.afford(evaluations, multiply_adds))
     }
 
     /// The kernel G(y, x)ᵀ: what sources are to targets and targets to sources.
     pub(crate) fn transpose(&self) -> Self {
         let (fields, densities) = (self.densities, self.fields);
-        Self { fields, densities, block: self.block, transposed: !self.transposed }
+        Self { fields, densities, transposed: !self.transposed, ..*self }
     }
 
     /// The kernel over `unit`, a power of two.
@@ -43,20 +73,6 @@ impl<'a, S: Scalar> Entries<'a, S> {
         let block = |xs: &[PointOf<S>], ys: &[PointOf<S>], g: &mut [S]| {
             (self.block)(xs, ys, g);
             g.iter_mut().for_each(|entry| *entry *= shrink);
-        };
-        work(&Entries { block: &block, ..*self })
-    }
-
-    /// Does `work` with the kernel as it is seen from `origin`.
-    pub(crate) fn seen_from<V>(
-        &self,
-        origin: PointOf<S>,
-        work: impl FnOnce(&Entries<'_, S>) -> V,
-    ) -> V {
-        let block = |xs: &[PointOf<S>], ys: &[PointOf<S>], g: &mut [S]| {
-            let [xs, ys] = [xs, ys]
-                .map(|points| -> Vec<PointOf<S>> { points.iter().map(|&p| origin + p).collect() });
-            (self.block)(&xs, &ys, g);
         };
         work(&Entries { block: &block, ..*self })
     }
@@ -87,6 +103,9 @@ impl<'a, S: Scalar> Entries<'a, S> {
 
     /// Writes the matrices at (x_i, y), one after the other, each row after row.
     pub(crate) fn write(&self, xs: &[PointOf<S>], y: PointOf<S>, g: &mut [S]) {
+        if let Some(work) = self.work {
+            work.add_evaluations(xs.len());
+        }
         if !self.transposed {
             return (self.block)(xs, &[y], g);
         }

@@ -36,6 +36,9 @@ pub(crate) const SHELL_WEIGHT: f64 = 300.0;
 /// Sample targets in the cell at which the order is tested.
 pub(crate) const TEST_TARGETS: usize = 48;
 
+/// Pairs of points on each level at which a kernel of positions is tested.
+pub(crate) const PLACED_PAIRS: usize = 256;
+
 /// Sample sources whose fields are interpolated together.
 pub(crate) const TEST_SOURCES: usize = 16;
 
@@ -62,6 +65,12 @@ pub(crate) const EXTENDED_BYTES: usize = 1 << 30;
 
 /// One evaluation of the kernel's entries costs about as much as this many pairs of a near field.
 pub(crate) const ENTRY_PAIRS: usize = 4;
+
+/// Multiply-adds per second of one core in factorisations and products of set-up.
+pub(crate) const SET_UP_FLOPS: f64 = 2e9;
+
+/// The share of set-up that may go into finding out how much it takes.
+pub(crate) const PROBING_SHARE: f64 = 0.125;
 
 /// M2L works in single precision up to this number of digits.
 pub(crate) const SINGLE_DIGITS: f64 = 7.0;

@@ -7,7 +7,7 @@ use crate::error::Error;
 use crate::kernel::derivatives::{Derivatives, WithHessian};
 use crate::kernel::formula::{Formula, FormulaEntry};
 use crate::kernel::side_by_side::{FormulaBlock, Pack, entries_side_by_side, slopes};
-use crate::kernel::traits::{Kernel, Outcome, check_columns};
+use crate::kernel::traits::{Kernel, Outcome, check_densities, columns_of_a_charge};
 use crate::kernel::with_gradient::WithGradient;
 use crate::numbers::traits::{Located, Numbers, Point, Scalar};
 
@@ -123,31 +123,17 @@ where
 
     #[inline(always)]
     fn columns(&self) -> usize {
-        if Q::LEN > 0 {
-            Q::LEN / (Self::Entry::PARTS * self.densities()).max(1)
-        } else {
-            self.columns.unwrap_or(0)
-        }
+        if Q::LEN > 0 { columns_of_a_charge(self) } else { self.columns.unwrap_or(0) }
     }
 
     fn check_sizes(&self) -> Result<(), Error> {
-        let (fields, densities) = (self.fields(), self.densities());
-        if fields == 0 || densities == 0 {
-            return Err(Error::EmptyKernel { fields, densities });
+        check_densities(self)?;
+        let (expected, found) = (Self::Entry::PARTS * self.fields(), U::LEN);
+        if found == 0 || found == expected * self.columns() {
+            Ok(())
+        } else {
+            Err(Error::KernelSize { what: "value", expected, found })
         }
-        let fits = |what, found: usize, components: usize| {
-            let expected = Self::Entry::PARTS * components;
-            let columns = if found > 0 { found / expected } else { self.columns() };
-            if found == 0
-                || (found.is_multiple_of(expected) && columns == self.columns() && columns > 0)
-            {
-                return Ok(());
-            }
-            Err(Error::KernelSize { what, expected, found })
-        };
-        fits("charge", Q::LEN, densities)?;
-        check_columns::<Q>(self.columns())?;
-        fits("value", U::LEN, fields)
     }
 
     fn entries_block(&self, xs: &[Point<P::Real>], ys: &[Point<P::Real>], g: &mut [Self::Entry]) {

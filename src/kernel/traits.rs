@@ -66,8 +66,7 @@ pub trait Kernel: Send + Sync {
     /// [`density`](Self::density) makes other numbers of a charge says it here.
     #[inline(always)]
     fn columns(&self) -> usize {
-        let each = (Self::Entry::PARTS * self.densities()).max(1);
-        if Self::Charge::LEN.is_multiple_of(each) { Self::Charge::LEN / each } else { 0 }
+        columns_of_a_charge(self)
     }
 
     /// Refuses sizes that don't belong together. Called before every sum; the default finds kernels
@@ -76,15 +75,7 @@ pub trait Kernel: Send + Sync {
     /// # Errors
     /// [`Error::EmptyKernel`], [`Error::KernelSize`] or [`Error::UnknownColumns`].
     fn check_sizes(&self) -> Result<(), Error> {
-        let (fields, densities) = (self.fields(), self.densities());
-        if fields == 0 || densities == 0 {
-            return Err(Error::EmptyKernel { fields, densities });
-        }
-        if self.columns() == 0 && Self::Charge::LEN > 0 {
-            let (expected, found) = (Self::Entry::PARTS * densities, Self::Charge::LEN);
-            return Err(Error::KernelSize { what: "charge", expected, found });
-        }
-        check_columns::<Self::Charge>(self.columns())
+        check_densities(self)
     }
 
     /// How many numbers a charge may have at most that is a list: by default one for each density in every
@@ -208,9 +199,28 @@ pub enum Outcome {
     Declined,
 }
 
-/// Refuses charges that are lists where nothing says how many columns they hold.
-pub(crate) fn check_columns<Q>(columns: usize) -> Result<(), Error> {
-    if columns == 0 && size_of::<Q>() > 0 { Err(Error::UnknownColumns) } else { Ok(()) }
+/// How many columns a charge of fixed length holds; 0 if there is a remainder, or no fixed length.
+#[inline(always)]
+pub(crate) fn columns_of_a_charge<K: Kernel + ?Sized>(kernel: &K) -> usize {
+    let each = (K::Entry::PARTS * kernel.densities()).max(1);
+    if K::Charge::LEN.is_multiple_of(each) { K::Charge::LEN / each } else { 0 }
+}
+
+/// Refuses kernels without fields or densities, and charges that the densities can't be taken from.
+pub(crate) fn check_densities<K: Kernel + ?Sized>(kernel: &K) -> Result<(), Error> {
+    let (fields, densities) = (kernel.fields(), kernel.densities());
+    if fields == 0 || densities == 0 {
+        return Err(Error::EmptyKernel { fields, densities });
+    }
+    if kernel.columns() == 0 && K::Charge::LEN > 0 {
+        let (expected, found) = (K::Entry::PARTS * densities, K::Charge::LEN);
+        return Err(Error::KernelSize { what: "charge", expected, found });
+    }
+    // Charges that are lists don't say how many columns they hold.
+    if kernel.columns() == 0 && size_of::<K::Charge>() > 0 {
+        return Err(Error::UnknownColumns);
+    }
+    Ok(())
 }
 
 /// Adds the sums of a block, R_x Σ_j G(x, y_j) S_y q_j, target by target.

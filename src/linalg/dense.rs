@@ -6,7 +6,7 @@ use faer::prelude::SolveLstsq;
 use faer::{Accum, MatMut, MatRef, Par};
 use num_complex::Complex;
 
-use crate::dispatch_level::dispatch;
+use crate::dispatch_level::{dispatch, leaving_registers_clean};
 use crate::linalg::batched::{Batched, Products};
 use crate::linalg::matrix::Matrix;
 
@@ -69,7 +69,7 @@ macro_rules! dense {
                 let b = MatRef::from_column_major_slice(b, a.columns, n);
                 let c = MatMut::from_column_major_slice_mut(c, a.rows, n);
                 let accum = if add { Accum::Add } else { Accum::Replace };
-                matmul(c, accum, view(a), b, $one, Par::Seq);
+                leaving_registers_clean(|| matmul(c, accum, view(a), b, $one, Par::Seq));
             }
 
             fn products(
@@ -84,22 +84,25 @@ macro_rules! dense {
 
             fn svd(a: &Matrix<Self>) -> Option<Svd<Self>> {
                 let a = a.map($widen);
-                let svd = view(&a).thin_svd().ok()?;
+                let svd = leaving_registers_clean(|| view(&a).thin_svd()).ok()?;
                 let sigma = svd.S().column_vector().iter().map(|&s| Complex::from(s).re);
                 Some(Svd { u: owned(svd.U()).map($narrow), sigma: sigma.collect() })
             }
 
             fn pivoted_qr(a: &Matrix<Self>) -> (Matrix<Self>, Matrix<Self>, Vec<usize>) {
                 let a = a.map($widen);
-                let qr = view(&a).col_piv_qr();
+                let (q, qr) = leaving_registers_clean(|| {
+                    let qr = view(&a).col_piv_qr();
+                    (qr.compute_thin_Q(), qr)
+                });
                 let (order, _) = qr.P().arrays();
-                let q = owned(qr.compute_thin_Q().as_ref());
-                (q.map($narrow), owned(qr.thin_R()).map($narrow), order.to_vec())
+                let [q, r] = [owned(q.as_ref()), owned(qr.thin_R())];
+                (q.map($narrow), r.map($narrow), order.to_vec())
             }
 
             fn least_squares(a: &Matrix<Self>, b: &Matrix<Self>) -> Matrix<Self> {
                 let (a, b) = (a.map($widen), b.map($widen));
-                let x = view(&a).col_piv_qr().solve_lstsq(view(&b));
+                let x = leaving_registers_clean(|| view(&a).col_piv_qr().solve_lstsq(view(&b)));
                 owned(x.as_ref()).map($narrow)
             }
         }

@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use num_traits::Float;
+
 use crate::dispatch_level::DispatchLevel;
 use crate::error::Error;
 use crate::expansion::costs::Costs;
@@ -11,6 +13,7 @@ use crate::interaction::traversal::{Far, Traversal};
 use crate::interpolation::black_box::Interpolation;
 use crate::kernel::mask::{Mask, Unmasked};
 use crate::kernel::traits::Kernel;
+use crate::numbers::traits::{Located, Point, Real};
 use crate::octree::trees::Trees;
 use crate::plan::choice::{Candidate, cheapest, correct};
 use crate::plan::estimate::Estimate;
@@ -18,7 +21,9 @@ use crate::plan::fmm::Fmm;
 use crate::plan::forecast::Forecast;
 use crate::plan::pair_time::pair_seconds;
 use crate::plan::times::{BuildTimes, Clock, Phase, Progress};
-use crate::plan::tuning::DOUBT;
+use crate::plan::tuning::{
+    ASKED_SECONDS, ASKED_SUMS, BARGAIN, DIRECT_DIGITS, DOUBT, SET_UP_SECONDS, SHOWN_POINTS,
+};
 use crate::plan::{Plan, Scheme, levels};
 
 impl<K: Kernel> Fmm<Interpolation<K>> {
@@ -44,13 +49,27 @@ pub struct Builder<'a, E, M> {
 }
 
 /// What is chosen besides expansion and mask.
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Copy)]
 struct Choices<'a> {
     scheme: Option<Scheme>,
     leaf_size: Option<usize>,
     masked: bool,
+    applications: usize,
     memory_budget: Option<usize>,
     progress: Option<&'a (dyn Fn(Progress) + Sync)>,
+}
+
+impl Default for Choices<'_> {
+    fn default() -> Self {
+        Self {
+            scheme: None,
+            leaf_size: None,
+            masked: false,
+            applications: 1,
+            memory_budget: None,
+            progress: None,
+        }
+    }
 }
 
 impl<K: Kernel, M> Builder<'_, Interpolation<K>, M> {
@@ -81,6 +100,9 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
     /// lists of a sample of the cells and the measured time of a pair. Where that leaves a doubt, the plan
     /// is made and applied, and the correction found holds for all plans of its kind until the process
     /// ends. With a [leaf size](Self::leaf_size) or a [mask](Self::mask), the default is [`Scheme::Fmm`].
+    ///
+    /// Whatever is chosen here, sums without a mask are direct where an expansion can't meet the tolerance
+    /// or would take much longer to set up; [`Stats::fallback`](crate::Stats::fallback) then says why.
     pub fn scheme(mut self, scheme: Scheme) -> Self {
         self.choices.scheme = Some(scheme);
         self
@@ -94,6 +116,13 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
     /// rounding and within the tolerance. A fixed leaf size makes them the same to the bit.
     pub fn leaf_size(mut self, leaf_size: usize) -> Self {
         self.choices.leaf_size = Some(leaf_size);
+        self
+    }
+
+    /// How often the plan will be applied, about; default 1. Operators that take longer than the direct sums
+    /// that they save are not built.
+    pub fn applications(mut self, applications: usize) -> Self {
+        self.choices.applications = applications;
         self
     }
 
@@ -165,7 +194,8 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
         clock.lap(&mut times.tree);
 
         self.report(Phase::Lists, 0.0);
-        let candidates = self.candidates(&trees, times.tree);
+        let mut candidates = self.candidates(&trees, times.tree);
+        let mut fallback = None;
         loop {
             let (Candidate { scheme, mut estimate }, doubted) =
                 cheapest(&self.expansion, &candidates);
@@ -191,9 +221,27 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
 
             self.report(Phase::Operators, 0.0);
             let levels = levels(&lists, &trees.source_tree, &trees.target_tree, scheme);
-            self.expansion.prepare(&Geometry { root: trees.root, levels })?;
-            self.report(Phase::Operators, 1.0);
+            let (most_seconds, pair_seconds) =
+                self.worth(estimate.as_ref(), &trees.sources, &trees.targets);
+            let prepared = self.expansion.prepare(&Geometry {
+                most_seconds,
+                pair_seconds,
+                sources: some(&trees.sources),
+                targets: some(&trees.targets),
+                ..Geometry::new(trees.root, levels)
+            });
             clock.lap(&mut times.operators);
+            match prepared {
+                Err(error) if scheme != Scheme::Direct && self.may_sum_directly(&error) => {
+                    let scheme = Scheme::Direct;
+                    let estimate = estimate.map(|_| self.estimate_of(scheme, &trees, times.tree));
+                    candidates = vec![Candidate { scheme, estimate }];
+                    fallback = Some(error.to_string());
+                    continue;
+                }
+                prepared => prepared?,
+            }
+            self.report(Phase::Operators, 1.0);
 
             let plan = Plan::new(self.expansion, scheme, trees, lists);
             clock.lap(&mut times.lists);
@@ -205,10 +253,47 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
                 _ => true,
             };
             if right {
-                return Ok(Fmm::new(plan, times, estimate));
+                return Ok(Fmm::new(plan, times, estimate, fallback));
             }
             (self.expansion, trees) = plan.into_parts();
         }
+    }
+
+    /// Seconds of one core that the operators are worth, and that a pair takes.
+    fn worth(
+        &self,
+        estimate: Option<&Estimate>,
+        sources: &[SourceOf<E>],
+        targets: &[TargetOf<E>],
+    ) -> (f64, f64) {
+        let pair_seconds = self.pair_seconds(sources, targets);
+        if self.choices.masked {
+            return (f64::INFINITY, pair_seconds);
+        }
+        let pairs = sources.len() as f64 * targets.len() as f64;
+        let most = match estimate {
+            // What direct sums would take, but for what the applications do.
+            Some(estimate) => {
+                let threads = rayon::current_num_threads() as f64;
+                let applications = self.choices.applications as f64;
+                let direct = BARGAIN * estimate.direct_seconds - estimate.apply_seconds();
+                threads * (applications * direct.max(0.0) + SET_UP_SECONDS)
+            }
+            None => ASKED_SECONDS + ASKED_SUMS * pairs * pair_seconds,
+        };
+        (most, pair_seconds)
+    }
+
+    /// Whether direct sums can do what an expansion refuses. Asking a mask for every pair is another matter.
+    fn may_sum_directly(&self, refusal: &Error) -> bool {
+        let within_reach = match refusal {
+            Error::OverWork { .. } | Error::NonFiniteKernel => true,
+            Error::UnreachableTolerance { requested, .. } => {
+                *requested >= DIRECT_DIGITS * RealOf::<E>::epsilon().as_f64()
+            }
+            _ => false,
+        };
+        within_reach && !self.choices.masked
     }
 
     /// The schemes that may be taken: the one that is given, or any.
@@ -226,6 +311,13 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
             let estimate = Some(self.estimate_of(scheme, trees, tree_seconds));
             Candidate { scheme, estimate }
         };
+        // Few pairs are summed before anything else is set up.
+        let pairs = trees.sources.len() as f64 * trees.targets.len() as f64;
+        let seconds = pairs * self.pair_seconds(&trees.sources, &trees.targets);
+        let threads = rayon::current_num_threads() as f64;
+        if seconds * self.choices.applications as f64 <= SET_UP_SECONDS * threads {
+            return vec![candidate(Scheme::Direct)];
+        }
         let mut candidates = [Scheme::Fmm, Scheme::Treecode { m2m: true }].map(candidate).to_vec();
         // Where direct sums are hopeless, they need no estimate of their own.
         let hopeless = |expanded: &Candidate| {
@@ -302,6 +394,12 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
             report(Progress { phase, fraction });
         }
     }
+}
+
+/// The places of some points, spread over all of them in tree order.
+fn some<P: Located>(points: &[P]) -> Vec<Point<P::Real>> {
+    let step = points.len().div_ceil(SHOWN_POINTS).max(1);
+    points.iter().step_by(step).map(Located::position).collect()
 }
 
 impl<E: fmt::Debug, M: fmt::Debug> fmt::Debug for Builder<'_, E, M> {

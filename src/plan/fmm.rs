@@ -43,8 +43,13 @@ pub struct Fmm<E: Expansion> {
 }
 
 impl<E: Expansion> Fmm<E> {
-    pub(crate) fn new(plan: Plan<E>, build_times: BuildTimes, estimate: Option<Estimate>) -> Self {
-        let stats = stats(&plan);
+    pub(crate) fn new(
+        plan: Plan<E>,
+        build_times: BuildTimes,
+        estimate: Option<Estimate>,
+        fallback: Option<String>,
+    ) -> Self {
+        let stats = Stats { fallback, ..stats(&plan) };
         Self { plan, stats, build_times, estimate, idle: Mutex::new(Vec::new()) }
     }
 

@@ -196,7 +196,11 @@ pub(crate) fn levels<T: Real>(
             let cell = target.or_else(source);
             let half_width = cell.map_or(T::from_f64(0.0), |cell| cell.half_width());
             let offsets = lists.offsets.get(level).filter(|_| scheme == Scheme::Fmm);
-            Level { level, half_width, offsets: offsets.cloned().unwrap_or_default() }
+            let cells = target_tree.shape.level(level);
+            let pairs =
+                lists.weighed_m2l().map(|(_, l)| l.starts[cells.end] - l.starts[cells.start]);
+            let offsets = offsets.cloned().unwrap_or_default();
+            Level { pairs: pairs.sum(), ..Level::new(level, half_width, offsets) }
         })
         .collect()
 }

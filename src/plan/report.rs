@@ -111,6 +111,9 @@ impl fmt::Display for Report {
             "{}: {} sources, {} targets; {} cells, at most {} points in a leaf",
             stats.scheme, stats.sources, stats.targets, stats.cells, stats.leaf_size
         )?;
+        if let Some(fallback) = &stats.fallback {
+            writeln!(f, "summed directly: {fallback}")?;
+        }
         writeln!(
             f,
             "{:>6} {:>12} {:>12} {:>10} {:>6} {:>12}",

@@ -16,6 +16,8 @@ use crate::plan::{Plan, Scheme, Workspace};
 pub struct Stats {
     /// How the plan sums.
     pub scheme: Scheme,
+    /// Why sums are direct although an expansion was to carry them.
+    pub fallback: Option<String>,
     /// Number of sources.
     pub sources: usize,
     /// Number of targets.
@@ -63,6 +65,7 @@ pub(crate) fn stats<E: Expansion>(plan: &Plan<E>) -> Stats {
     let depth = source_tree.shape.levels().max(target_tree.shape.levels()).saturating_sub(1);
     let mut stats = Stats {
         scheme: plan.scheme,
+        fallback: None,
         sources: plan.sources.len(),
         targets: plan.targets.len(),
         cells: source_tree.cells.len(),

@@ -5,6 +5,22 @@
 /// Expansions may take this many times as long as forecast.
 pub(crate) const DOUBT: f64 = 16.0;
 
+/// A plan and its applications may take this many times as long as direct sums would.
+pub(crate) const BARGAIN: f64 = 1.2;
+
+/// Seconds of set-up that are never too many.
+pub(crate) const SET_UP_SECONDS: f64 = 0.01;
+
+/// Where an expansion is asked for, set-up may take so many seconds of one core, and so many direct sums.
+pub(crate) const ASKED_SECONDS: f64 = 10.0;
+pub(crate) const ASKED_SUMS: f64 = 10.0;
+
+/// The relative error of direct sums, in units of rounding.
+pub(crate) const DIRECT_DIGITS: f64 = 16.0;
+
+/// Points of either set that an expansion is shown, at most.
+pub(crate) const SHOWN_POINTS: usize = 512;
+
 /// How often a plan is applied at most to see how long that takes.
 pub(crate) const APPLY_REPETITIONS: usize = 4;
 

@@ -208,8 +208,8 @@ impl Grazing {
 
     /// The expansion, ready for this pair of cells.
     fn prepared<E: Expansion<Kernel = Irradiance<f64, f64>>>(&self, mut expansion: E) -> E {
-        let level = Level { level: 3, half_width: 1.0, offsets: vec![[4, 3, 0]] };
-        expansion.prepare(&Geometry { root: self.root, levels: vec![level] }).unwrap();
+        let level = Level::new(3, 1.0, vec![[4, 3, 0]]);
+        expansion.prepare(&Geometry::new(self.root, vec![level])).unwrap();
         expansion
     }
 

@@ -25,8 +25,8 @@ fn pair_error(
     let root = Cube::new(DVec3::splat(2.0), 4.0);
     let [source, target] = [[0; 3], offset].map(|c| Cell::new(&root, 3, c.map(u64::from)));
     let offsets = vec![offset.map(|o| o as i32)];
-    let levels = vec![Level { level: 3, half_width: source.half_width(), offsets }];
-    expansion.prepare(&Geometry { root, levels }).unwrap();
+    let levels = vec![Level::new(3, source.half_width(), offsets)];
+    expansion.prepare(&Geometry::new(root, levels)).unwrap();
     let mut random = Random::new(5);
     let mut surfels = |cell: &Cell<f64>, n: usize| -> Vec<Surfel> {
         let mut surfel = || {

@@ -64,8 +64,8 @@ where
             (cell, inside(&cell, &to, from.len() + i * to.len()))
         };
         let targets = offsets.iter().enumerate().map(fill).collect();
-        let levels = vec![Level { level: LEVEL, half_width, offsets }];
-        let geometry = Geometry { root, levels };
+        let levels = vec![Level::new(LEVEL, half_width, offsets)];
+        let geometry = Geometry::new(root, levels);
         let random = clouds::charges(DRAWS * sources.len());
         let signed = |random: &[f64]| -> Vec<f64> {
             random.iter().zip(&source_weights).map(|(x, w)| x.signum() * w).collect()

@@ -1,0 +1,98 @@
+//! What setting up operators may cost.
+
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+use crate::error::Error;
+use crate::interpolation::tuning::{ENTRY_PAIRS, PROBING_SHARE, SET_UP_FLOPS};
+
+/// Counts what set-up costs and ends it when that is more than it may.
+///
+/// Work is counted, not timed: evaluations of the kernel and products of numbers, each at a rate that is
+/// fixed beforehand. What a step needs is foretold before it is taken, so that no factorisation is begun
+/// that can't be afforded.
+#[derive(Debug)]
+pub(crate) struct Work {
+    /// Core seconds.
+    limit: f64,
+    /// Core seconds of one evaluation of the kernel.
+    evaluation: f64,
+    /// Evaluations so far.
+    evaluations: AtomicU64,
+    /// Multiply-adds so far.
+    multiply_adds: AtomicU64,
+}
+
+impl Work {
+    /// At most `limit` core seconds, if a pair summed directly takes `pair_seconds`.
+    pub(crate) fn new(limit: f64, pair_seconds: f64) -> Self {
+        let evaluation = ENTRY_PAIRS as f64 * pair_seconds;
+        Self { limit, evaluation, evaluations: AtomicU64::new(0), multiply_adds: AtomicU64::new(0) }
+    }
+
+    /// Counts evaluations that have been made.
+    pub(crate) fn add_evaluations(&self, count: usize) {
+        self.evaluations.fetch_add(count as u64, Relaxed);
+    }
+
+    /// Counts multiply-adds that have been made.
+    pub(crate) fn add_products(&self, multiply_adds: f64) {
+        self.multiply_adds.fetch_add(multiply_adds as u64, Relaxed);
+    }
+
+    /// Counts multiply-adds that are about to be made, unless they and what has been counted before
+    /// are too many.
+    ///
+    /// # Errors
+    /// [`Error::OverWork`].
+    pub(crate) fn spend(&self, multiply_adds: f64) -> Result<(), Error> {
+        self.afford(0.0, multiply_adds)?;
+        self.add_products(multiply_adds);
+        Ok(())
+    }
+
+    /// Whether so much can be afforded for finding out what set-up would take: a small part of
+    /// what that may.
+    ///
+    /// # Errors
+    /// [`Error::OverWork`].
+    pub(crate) fn afford_probes(&self, evaluations: f64, multiply_adds: f64) -> Result<(), Error> {
+        self.within(PROBING_SHARE, evaluations, multiply_adds)
+    }
+
+    /// Whether so many evaluations and multiply-adds can still be afforded.
+    ///
+    /// # Errors
+    /// [`Error::OverWork`].
+    pub(crate) fn afford(&self, evaluations: f64, multiply_adds: f64) -> Result<(), Error> {
+        self.within(1.0, evaluations, multiply_adds)
+    }
+
+    /// Whether they fit, beside what has been counted, into a share of the limit.
+    fn within(&self, share: f64, evaluations: f64, multiply_adds: f64) -> Result<(), Error> {
+        let evaluations = evaluations + self.evaluations.load(Relaxed) as f64;
+        let multiply_adds = multiply_adds + self.multiply_adds.load(Relaxed) as f64;
+        let seconds = evaluations * self.evaluation + multiply_adds / SET_UP_FLOPS;
+        let (limit, needed) = (self.limit, seconds / share);
+        if needed <= limit { Ok(()) } else { Err(Error::OverWork { limit, needed }) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_too_much_is_refused_before_it_is_done() {
+        let work = Work::new(1.0, 0.01 / ENTRY_PAIRS as f64);
+        work.add_evaluations(50);
+        assert!(work.afford(40.0, 0.05 * SET_UP_FLOPS).is_ok());
+        work.spend(0.4 * SET_UP_FLOPS).unwrap();
+        let Err(Error::OverWork { limit, needed }) = work.spend(0.2 * SET_UP_FLOPS) else {
+            panic!()
+        };
+        assert!(limit == 1.0 && (needed - 1.1).abs() < 1e-9, "{needed}");
+        // What was refused does not count.
+        assert!(work.afford(0.0, 0.05 * SET_UP_FLOPS).is_ok());
+        assert!(work.afford_probes(0.0, 0.0).is_err(), "probes had their share");
+    }
+}
