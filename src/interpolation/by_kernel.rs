@@ -4,8 +4,8 @@
 use num_traits::Float;
 
 use crate::interpolation::black_box::Interpolation;
+use crate::interpolation::entries::zero;
 use crate::interpolation::prepared::Prepared;
-use crate::interpolation::probe::zero;
 use crate::kernel::traits::{Kernel, Outcome};
 use crate::numbers::traits::{Located, Point, Real, Scalar};
 use crate::octree::geometry::Cell;

@@ -4,9 +4,9 @@ use std::any::Any;
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::sync::{Arc, Mutex};
 
+use crate::interpolation::entries::Entries;
 use crate::interpolation::far_field::FarField;
 use crate::interpolation::operators::{Accuracy, Operators, Sizes};
-use crate::interpolation::probe::Entries;
 use crate::interpolation::tuning::CAPACITY;
 use crate::numbers::traits::{Real, Scalar};
 
@@ -15,6 +15,8 @@ use crate::numbers::traits::{Real, Scalar};
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Key {
     kernel: &'static str,
+    /// Whether derivatives had to be accurate too.
+    with_slopes: bool,
     accuracy: Accuracy,
     half_widths: Vec<u64>,
     fingerprint: u64,
@@ -26,6 +28,7 @@ impl Key {
     pub(crate) fn new<S: Scalar>(
         kernel_type: &'static str,
         kernel: &Entries<'_, S>,
+        with_slopes: bool,
         accuracy: Accuracy,
         sizes: &Sizes<S::Real>,
     ) -> Self {
@@ -36,7 +39,8 @@ impl Key {
             });
         }
         let half_widths = sizes.half_widths.iter().map(|h| h.as_f64().to_bits()).collect();
-        Self { kernel: kernel_type, accuracy, half_widths, fingerprint: hasher.finish() }
+        let fingerprint = hasher.finish();
+        Self { kernel: kernel_type, with_slopes, accuracy, half_widths, fingerprint }
     }
 }
 

@@ -1,11 +1,13 @@
 //! The error of a level's operators, measured between points of its cells.
 
 use crate::interpolation::basis::{Basis, product};
-use crate::interpolation::far_field::products;
+use crate::interpolation::entries::{Entries, zero};
+use crate::interpolation::far_field::{products, slope_products};
 use crate::interpolation::level::{LevelOperators, Request};
 use crate::interpolation::means::{Means, corner, facing, interaction_offsets, is_nearest};
-use crate::interpolation::probe::{sample, zero};
-use crate::interpolation::tuning::{CHECK_POINTS, CORNER_LEVELS};
+use crate::interpolation::operators::{Slopes, largest};
+use crate::interpolation::probe::sample;
+use crate::interpolation::tuning::{CHECK_POINTS, CORNER_LEVELS, SLOPE_LEVELS};
 use crate::linalg::matrix::Matrix;
 use crate::numbers::traits::{Numbers, Point, Real, Scalar, Vector};
 use crate::parallel;
@@ -15,61 +17,81 @@ impl<S: Scalar> Request<'_, S> {
     /// scale: that of P2M, M2L and L2P; if all levels are like this one, from and to its children, M2M
     /// and L2L included.
     pub(crate) fn check(&self, level: &LevelOperators<S>) -> f64 {
-        let (fields, densities) = (self.kernel.fields, self.kernel.densities);
-        let [from, to] = [&level.bases.source, &level.bases.target];
-        let random =
-            |first: usize| (0..CHECK_POINTS).map(|i| sample::<S::Real>(first + i)).collect();
-        let anywhere = [
-            self.probes(from, densities, random(1000), 1),
-            self.probes(to, fields, random(1000 + CHECK_POINTS), 1),
-        ];
-        let corners = || (0..8).map(corner::<S::Real>).collect();
-        let corners = self.scale.grows().then(|| {
-            [
-                self.probes(from, densities, corners(), CORNER_LEVELS),
-                self.probes(to, fields, corners(), CORNER_LEVELS),
-            ]
-        });
-        let offsets: Vec<[i32; 3]> = interaction_offsets().collect();
-        let errors: Vec<[f64; 2]> = parallel::map(offsets.len(), &|i| {
-            let error = self.squared_error(level, offsets[i], &anywhere, 0..CHECK_POINTS);
-            let corner = facing(offsets[i], i);
-            let corners = corners
-                .as_ref()
-                .filter(|_| is_nearest(offsets[i]))
-                .map(|corners| self.squared_error(level, offsets[i], corners, corner..corner + 1));
-            [error, corners.unwrap_or(0.0)]
-        });
-        Means::of(errors).relative_to(self.scale)
+        let values = self.error(level, self.kernel, self.scale, false);
+        let slopes =
+            |slopes: &Slopes<'_, S>| self.error(level, &slopes.entries, slopes.scale, true);
+        largest([values, self.slopes.map_or(0.0, slopes)])
     }
 
-    /// Points of a cell, with their moments: if all levels are alike, by way of as many levels of
-    /// children, the one in octant i mod 8 each time.
+    /// The error of values, or of derivatives, against `exact`.
+    fn error(
+        &self,
+        level: &LevelOperators<S>,
+        exact: &Entries<'_, S>,
+        scale: Means,
+        slopes: bool,
+    ) -> f64 {
+        let [from, to] = [&level.bases.source, &level.bases.target];
+        let both = |[sources, targets]: [Vec<Point<S::Real>>; 2], levels: usize| {
+            let densities = self.kernel.densities;
+            [
+                self.probes(from, densities, sources, levels, false),
+                self.probes(to, self.kernel.fields, targets, levels, slopes),
+            ]
+        };
+        let random =
+            |first: usize| (0..CHECK_POINTS).map(|i| sample::<S::Real>(first + i)).collect();
+        let levels = if slopes { SLOPE_LEVELS } else { 1 };
+        let anywhere = both([1000, 1000 + CHECK_POINTS].map(random), levels);
+        let corners = || (0..8).map(corner::<S::Real>).collect();
+        let corners = scale.grows().then(|| both([corners(), corners()], CORNER_LEVELS));
+        let offsets: Vec<[i32; 3]> = interaction_offsets().collect();
+        let errors: Vec<[f64; 2]> = parallel::map(offsets.len(), &|i| {
+            let error = self.squared_error(level, exact, offsets[i], &anywhere, 0..CHECK_POINTS);
+            let corner = facing(offsets[i], i);
+            let corners = corners.as_ref().filter(|_| is_nearest(offsets[i])).map(|corners| {
+                self.squared_error(level, exact, offsets[i], corners, corner..corner + 1)
+            });
+            [error, corners.unwrap_or(0.0)]
+        });
+        Means::of(errors).relative_to(scale)
+    }
+
+    /// Points of a cell, with their moments, or with those of derivatives along the three axes: if all
+    /// levels are alike, by way of as many levels of children, the one in octant i mod 8 each time.
     fn probes(
         &self,
         basis: &Basis<S>,
         components: usize,
         points: Vec<Point<S::Real>>,
         levels: usize,
+        slopes: bool,
     ) -> Probes<S> {
-        let nodes = self.rule.len().pow(3);
+        let n = self.rule.len();
+        let nodes = n.pow(3);
         let levels = if self.homogeneous { levels } else { 0 };
+        let axes = if slopes { 3 } else { 1 };
         let (functions, transposed) = (&basis.functions, basis.functions.transpose());
         // m = Uᵀ m̃ of unit densities in each component.
         let rows = nodes * components;
-        let columns = points.len() * components;
+        let each = components * axes;
+        let columns = points.len() * each;
         let mut unit = Matrix { rows, columns, data: vec![zero::<S>(); rows * columns] };
+        // A child's derivatives in half-widths of the cell.
+        let steeper = S::Real::from_f64(if slopes { 2f64.powi(levels as i32) } else { 1.0 });
         for (k, moments) in unit.data.chunks_exact_mut(rows).enumerate() {
-            let values = products(points[k / components], self.rule.len());
-            let own = &mut moments[k % components * nodes..];
-            own.iter_mut().zip(values).for_each(|(m, value)| *m = S::from_real(value));
+            let (p, component, axis) = (points[k / each], k % each / axes, k % axes);
+            let values: Vec<S::Real> =
+                if slopes { slope_products(p, n, axis) } else { products(p, n) };
+            let own = &mut moments[component * nodes..];
+            own.iter_mut().zip(values).for_each(|(m, v)| *m = S::from_real(v * steeper));
         }
         let mut moments = product(&transposed, &unit);
         for _ in 0..levels {
             // conj(U) m: the moments that a multipole expansion stands for.
             let mut shifted = product(&functions.map(S::conjugate), &moments);
             for (k, shifted) in shifted.data.chunks_exact_mut(rows).enumerate() {
-                self.rule.shift(k / components % 8, false, shifted);
+                self.rule.shift(k / each % 8, false, shifted);
             }
             moments = product(&transposed, &shifted);
         }
@@ -85,11 +107,12 @@ impl<S: Scalar> Request<'_, S> {
     fn squared_error(
         &self,
         level: &LevelOperators<S>,
+        exact: &Entries<'_, S>,
         offset: [i32; 3],
         [sources, targets]: &[Probes<S>; 2],
         range: std::ops::Range<usize>,
     ) -> f64 {
-        let (fields, densities) = (self.kernel.fields, self.kernel.densities);
+        let (fields, densities) = (exact.fields, exact.densities);
         let (from, to) = (&sources.moments, &targets.transposed);
         let columns = range.start * densities..range.end * densities;
         let m = &from.data[columns.start * from.rows..columns.end * from.rows];
@@ -104,7 +127,7 @@ impl<S: Scalar> Request<'_, S> {
         let len = fields * densities;
         let (mut errors, mut g) = (0.0, vec![zero::<S>(); xs.len() * len]);
         for (b, &y) in sources.points[range.clone()].iter().enumerate() {
-            self.kernel.write(&xs, y * h, &mut g);
+            exact.write(&xs, y * h, &mut g);
             for (k, &exact) in g.iter().enumerate() {
                 let (a, k) = (k / len, k % len);
                 let value = values.at(a * fields + k / densities, b * densities + k % densities);

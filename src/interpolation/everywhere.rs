@@ -1,13 +1,16 @@
 //! Kernels that look different from place to place: all polynomials, and the kernel itself between their
 //! nodes.
 
+use num_traits::Float;
+
 use crate::error::Error;
 use crate::expansion::{Geometry, Level};
 use crate::interpolation::basis::Basis;
 use crate::interpolation::chebyshev::Chebyshev;
-use crate::interpolation::far_field::products;
+use crate::interpolation::entries::{Entries, PointOf, zero};
+use crate::interpolation::far_field::{products, slope_products};
 use crate::interpolation::operators::{Accuracy, fewest_nodes, largest};
-use crate::interpolation::probe::{Entries, PointOf, norm_squared, sample, zero};
+use crate::interpolation::probe::{power_of_two, sample};
 use crate::interpolation::tuning::PLACED_PAIRS;
 use crate::numbers::traits::{Numbers, Point, Real, Scalar, Vector};
 use crate::octree::geometry::Cube;
@@ -31,6 +34,7 @@ impl<S: Scalar> Everywhere<S> {
     /// elsewhere is nothing to them.
     pub(crate) fn new(
         kernel: &Entries<'_, S>,
+        slopes: Option<&Entries<'_, S>>,
         accuracy: Accuracy,
         geometry: &Geometry<S::Real>,
     ) -> Result<Self, Error> {
@@ -38,20 +42,18 @@ impl<S: Scalar> Everywhere<S> {
             Accuracy::Order(n) => return Ok(Self::with_order(n, kernel.fields, kernel.densities)),
             Accuracy::Tolerance(requested) => requested,
         };
-        let levels: Vec<Vec<Placed<S>>> = geometry
-            .levels
-            .iter()
-            .map(|level| placed(kernel, geometry, level))
-            .collect::<Result<_, _>>()?;
+        let placed = |level: &Level<S::Real>| placed(kernel, slopes, geometry, level);
+        let levels: Vec<Vec<Placed<S>>> = geometry.levels.iter().map(placed).collect();
         let tests: usize = levels.iter().map(Vec::len).sum();
         let m2l_pairs: usize = geometry.levels.iter().map(|level| level.pairs).sum();
         let afford = |n: usize| {
-            kernel.afford_probes((2 * tests * n.pow(3)) as f64, 0.0)?;
+            let sides = if slopes.is_some() { 5 } else { 2 };
+            kernel.afford_probes((sides * tests * n.pow(3)) as f64, 0.0)?;
             // Every application evaluates the kernel between all nodes.
             kernel.afford(m2l_pairs as f64 * n.pow(6) as f64, 0.0)
         };
         let rule = fewest_nodes(requested, afford, |rule| {
-            largest(levels.iter().map(|pairs| relative_error(kernel, rule, pairs)))
+            largest(levels.iter().map(|pairs| relative_error(kernel, slopes, rule, pairs)))
         })?;
         Ok(Self::with_order(rule.len(), kernel.fields, kernel.densities))
     }
@@ -64,14 +66,17 @@ struct Placed<S: Scalar> {
     centres: [PointOf<S>; 2],
     half_width: S::Real,
     exact: Vec<S>,
+    /// Derivatives, where they are asked for.
+    slopes: Vec<S>,
 }
 
 /// Pairs of a level, spread over the points.
 fn placed<S: Scalar>(
     kernel: &Entries<'_, S>,
+    slopes: Option<&Entries<'_, S>>,
     geometry: &Geometry<S::Real>,
     level: &Level<S::Real>,
-) -> Result<Vec<Placed<S>>, Error> {
+) -> Vec<Placed<S>> {
     let root = &geometry.root;
     let half_width = level.half_width;
     // Without points, any place will do.
@@ -102,12 +107,13 @@ fn placed<S: Scalar>(
                     centres: [centre(to[i]), centre(from[j])],
                     half_width,
                     exact: kernel.at(targets[i], *y),
+                    slopes: slopes.map_or(vec![], |slopes| slopes.at(targets[i], *y)),
                 });
             }
         }
         step += 1;
     }
-    Ok(pairs)
+    pairs
 }
 
 /// Which cell of this size a point is in, counted from the root's corner.
@@ -124,45 +130,76 @@ fn meet(a: [f64; 3], b: [f64; 3]) -> bool {
     largest(a, b) > 1.0 && largest(parent(a), parent(b)) <= 1.0
 }
 
-/// The error of interpolating on either side of all pairs, relative to their size.
+/// The error of interpolating on either side of all pairs, relative to their size: the larger one of that
+/// of values and of derivatives.
 fn relative_error<S: Scalar>(
     kernel: &Entries<'_, S>,
+    slopes: Option<&Entries<'_, S>>,
     rule: &Chebyshev<S::Real>,
     pairs: &[Placed<S>],
 ) -> f64 {
+    // No square leaves the range of numbers.
+    let all = pairs.iter().flat_map(|pair| pair.exact.iter().chain(&pair.slopes));
+    let parts = all.flat_map(|entry| entry.parts()).map(Float::abs);
+    let unit = power_of_two(parts.fold(S::Real::from_f64(0.0), Float::max)).recip();
+    let kernel = &kernel.times(unit);
+    let slopes = slopes.map(|slopes| slopes.times(unit));
     let errors = parallel::map(pairs.len(), &|k| {
-        let Placed { points: [x, y], centres: [at_x, at_y], half_width, exact } = &pairs[k];
-        let side = |kernel: &Entries<'_, S>, x, y, centre, exact: &[S]| {
-            interpolation_error(kernel, rule, [x, y], centre, *half_width, exact)
+        let Placed { points: [x, y], centres: [at_x, at_y], half_width, .. } = &pairs[k];
+        let (n, inverse) = (rule.len(), S::Real::from_f64(1.0) / *half_width);
+        let [in_x, in_y] = [(*x - *at_x) * inverse, (*y - *at_y) * inverse];
+        let error = |kernel: &Entries<'_, S>, y, centre, weights: Vec<_>, exact: Vec<S>| {
+            interpolation_error(kernel, rule, y, (centre, *half_width), weights, exact)
         };
-        let transposed = kernel.transpose();
-        let mirrored = transposed.at(*y, *x);
-        side(kernel, *x, *y, *at_x, exact) + side(&transposed, *y, *x, *at_y, &mirrored)
+        let of_source = |kernel: &Entries<'_, S>| {
+            let mirrored = kernel.transpose();
+            error(&mirrored, *x, *at_y, vec![products(in_y, n)], mirrored.at(*y, *x))
+        };
+        let target = error(kernel, *y, *at_x, vec![products(in_x, n)], kernel.at(*x, *y));
+        let values = target + of_source(kernel);
+        let Some(slopes) = &slopes else { return [values, 0.0] };
+        let slopes = slopes.times(*half_width);
+        let along = [0, 1, 2].map(|axis| slope_products(in_x, n, axis)).to_vec();
+        let target = error(kernel, *y, *at_x, along, slopes.at(*x, *y));
+        let lengths = half_width.as_f64().powi(2);
+        [values, (target + of_source(&slopes)) / lengths]
     });
-    let size: f64 = pairs.iter().map(|pair| norm_squared(&pair.exact)).sum();
-    let error: f64 = errors.into_iter().sum();
-    if error == 0.0 { 0.0 } else { (error / size).sqrt() }
+    let squares = |numbers: &[S]| {
+        numbers.iter().map(|&number| (number * S::from_real(unit)).norm_squared()).sum::<f64>()
+    };
+    let relative = |part: usize, of: fn(&Placed<S>) -> &[S]| {
+        let error: f64 = errors.iter().map(|errors| errors[part]).sum();
+        let size: f64 = pairs.iter().map(|pair| squares(of(pair))).sum();
+        if error == 0.0 { 0.0 } else { (error / size).sqrt() }
+    };
+    let slopes = relative(1, |pair| &pair.slopes);
+    largest([relative(0, |pair| &pair.exact), slopes])
 }
 
-/// The squared error at x of interpolating the field of y between the nodes of a cell.
+/// The squared error of interpolating the field of y between the nodes of a cell, for each row of weights
+/// of the polynomials.
 fn interpolation_error<S: Scalar>(
     kernel: &Entries<'_, S>,
     rule: &Chebyshev<S::Real>,
-    [x, y]: [PointOf<S>; 2],
-    centre: PointOf<S>,
-    half_width: S::Real,
-    exact: &[S],
+    y: PointOf<S>,
+    (centre, half_width): (PointOf<S>, S::Real),
+    mut weights: Vec<Vec<S::Real>>,
+    exact: Vec<S>,
 ) -> f64 {
-    let inverse = S::Real::from_f64(1.0) / half_width;
-    let mut weights = products((x - centre) * inverse, rule.len());
-    rule.node_weights(&mut weights);
+    weights.iter_mut().for_each(|weights| rule.node_weights(weights));
     let nodes: Vec<PointOf<S>> = rule.grid().map(|node| centre + node * half_width).collect();
-    let mut values = vec![zero::<S>(); nodes.len() * exact.len()];
+    let (len, densities) = (kernel.fields * kernel.densities, kernel.densities);
+    let axes = weights.len();
+    let mut values = vec![zero::<S>(); nodes.len() * len];
     kernel.write(&nodes, y, &mut values);
-    let mut errors = exact.to_vec();
-    for (value, weight) in values.chunks_exact(exact.len()).zip(weights) {
-        for (error, &value) in errors.iter_mut().zip(value) {
-            *error -= S::from_real(weight) * value;
+    let mut errors = exact;
+    for (node, values) in values.chunks_exact(len).enumerate() {
+        for (k, &value) in values.iter().enumerate() {
+            let (field, density) = (k / densities, k % densities);
+            for (row, weights) in weights.iter().enumerate() {
+                let place = (field * axes + row) * densities + density;
+                errors[place] -= S::from_real(weights[node]) * value;
+            }
         }
     }
     errors.iter().map(Numbers::norm_squared).sum()

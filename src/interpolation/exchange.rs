@@ -7,7 +7,7 @@ use pulp::{Simd, WithSimd};
 
 use crate::dispatch_level::dispatch;
 use crate::interpolation::directions::Group;
-use crate::interpolation::probe::zero;
+use crate::interpolation::entries::zero;
 use crate::interpolation::tuning::EXCHANGE_BLOCK;
 use crate::numbers::traits::Scalar;
 

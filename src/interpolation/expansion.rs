@@ -2,19 +2,21 @@
 
 use std::any::type_name;
 
+use num_traits::Float;
+
 use crate::error::Error;
 use crate::expansion::costs::Costs;
 use crate::expansion::{Expansion, Geometry, LevelFamilies, LevelPairs};
 use crate::interpolation::black_box::Interpolation;
 use crate::interpolation::budget::PAIR_SHARE;
 use crate::interpolation::cost;
+use crate::interpolation::entries::{Entries, zero};
 use crate::interpolation::operators::Accuracy;
 use crate::interpolation::prepared::Prepared;
-use crate::interpolation::probe::Entries;
 use crate::interpolation::tuning::ENTRY_PAIRS;
 use crate::interpolation::work::Work;
 use crate::kernel::traits::{Kernel, Outcome};
-use crate::numbers::traits::{Point, Real};
+use crate::numbers::traits::{Point, Real, Scalar};
 use crate::octree::geometry::Cell;
 use crate::parallel::pool::Pool;
 
@@ -44,7 +46,13 @@ impl<K: Kernel> Expansion for Interpolation<K> {
         let work = Work::new(geometry.most_seconds, geometry.pair_seconds);
         let entries =
             Entries::new(kernel.fields(), kernel.densities(), &block).at_expense_of(&work);
-        self.prepared = Prepared::new(type_name::<K>(), &entries, self.accuracy, geometry)?;
+        let block = |xs: &[Point<K::Real>], ys: &[Point<K::Real>], g: &mut [K::Entry]| {
+            write_slopes(kernel, xs, ys, g);
+        };
+        let slopes =
+            Entries::new(3 * kernel.fields(), kernel.densities(), &block).at_expense_of(&work);
+        let slopes = kernel.needs_gradients().then_some(&slopes);
+        self.prepared = Prepared::new(type_name::<K>(), &entries, slopes, self.accuracy, geometry)?;
         self.scratch = Pool::default();
         Ok(())
     }
@@ -182,5 +190,30 @@ impl<K: Kernel> Expansion for Interpolation<K> {
     ) -> Outcome {
         self.p2l_by_kernel(cell, sources, charges, local);
         Outcome::Done
+    }
+}
+
+/// Writes ∂G/∂x for all pairs of a block: as the entries, with three rows for each field. What a kernel
+/// declines is NaN.
+fn write_slopes<K: Kernel>(
+    kernel: &K,
+    xs: &[Point<K::Real>],
+    ys: &[Point<K::Real>],
+    g: &mut [K::Entry],
+) {
+    let (fields, densities) = (kernel.fields(), kernel.densities());
+    let mut slopes = vec![[zero::<K::Entry>(); 3]; fields * densities];
+    let pairs = xs.iter().flat_map(|x| ys.iter().map(move |y| (*x, *y)));
+    for ((x, y), g) in pairs.zip(g.chunks_exact_mut(3 * fields * densities)) {
+        if kernel.entry_gradients(x, y, &mut slopes) == Outcome::Declined {
+            g.fill(K::Entry::from_real(K::Real::nan()));
+            continue;
+        }
+        for (k, slope) in slopes.iter().enumerate() {
+            let (field, density) = (k / densities, k % densities);
+            for (axis, &part) in slope.iter().enumerate() {
+                g[(3 * field + axis) * densities + density] = part;
+            }
+        }
     }
 }

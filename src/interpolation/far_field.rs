@@ -3,11 +3,12 @@
 use std::f64::consts::FRAC_PI_2;
 
 use crate::interpolation::budget::NEIGHBOUR_SHARE;
-use crate::interpolation::chebyshev::{Chebyshev, polynomials};
+use crate::interpolation::chebyshev::{Chebyshev, derivatives_in_lanes, polynomials};
+use crate::interpolation::entries::{Entries, PointOf, norm_squared, zero};
 use crate::interpolation::means::{
     INTERACTION_OFFSETS, Means, corner, facing, interaction_offsets, is_nearest, weight,
 };
-use crate::interpolation::probe::{Entries, PointOf, norm_squared, sample, zero};
+use crate::interpolation::probe::sample;
 use crate::interpolation::tuning::{
     PER_NEAR_OFFSET, PER_OFFSET, PER_SHELL, SHELL_WEIGHT, TEST_SOURCES, TEST_TARGETS,
 };
@@ -23,6 +24,16 @@ pub(crate) struct FarField<T: Real> {
     starts: Vec<usize>,
     offsets: Vec<[i32; 3]>,
     half_width: T,
+}
+
+/// A field that is interpolated, and what it is held against.
+#[derive(Clone, Copy)]
+struct Interpolated<'a, S: Scalar> {
+    kernel: &'a Entries<'a, S>,
+    exact: &'a Entries<'a, S>,
+    rule: &'a Chebyshev<S::Real>,
+    /// Whether its derivatives are, in half-widths.
+    slopes: bool,
 }
 
 impl<T: Real> FarField<T> {
@@ -128,6 +139,25 @@ impl<T: Real> FarField<T> {
         rule: &Chebyshev<T>,
         size: Means,
     ) -> f64 {
+        self.relative_error(&Interpolated { kernel, exact: kernel, rule, slopes: false }, size)
+    }
+
+    /// The same of the derivatives of what is interpolated, in half-widths, against `slopes`.
+    pub(crate) fn slope_error<S: Scalar<Real = T>>(
+        &self,
+        kernel: &Entries<'_, S>,
+        slopes: &Entries<'_, S>,
+        rule: &Chebyshev<T>,
+        size: Means,
+    ) -> f64 {
+        self.relative_error(&Interpolated { kernel, exact: slopes, rule, slopes: true }, size)
+    }
+
+    fn relative_error<S: Scalar<Real = T>>(
+        &self,
+        interpolated: &Interpolated<'_, S>,
+        size: Means,
+    ) -> f64 {
         let mut sources = Vec::new();
         for (o, &offset) in self.offsets.iter().enumerate() {
             let near = offset.iter().all(|o| o.abs() <= 2);
@@ -137,7 +167,7 @@ impl<T: Real> FarField<T> {
         }
         let mut errors = vec![[0.0; 2]; INTERACTION_OFFSETS];
         let targets: Vec<_> = (0..TEST_TARGETS).map(sample::<T>).collect();
-        for (o, squared) in self.squared_errors(kernel, rule, &targets, &sources) {
+        for (o, squared) in self.squared_errors(interpolated, &targets, &sources) {
             errors[o][0] += squared;
         }
         if size.grows() {
@@ -149,7 +179,7 @@ impl<T: Real> FarField<T> {
             };
             let corners: Vec<_> = (0..8).map(corner::<T>).collect();
             let sources: Vec<_> = nearest.map(source).collect();
-            for (o, squared) in self.squared_errors(kernel, rule, &corners, &sources) {
+            for (o, squared) in self.squared_errors(interpolated, &corners, &sources) {
                 errors[o][1] += squared;
             }
         }
@@ -160,23 +190,30 @@ impl<T: Real> FarField<T> {
     /// factor; with its offset's number.
     fn squared_errors<S: Scalar<Real = T>>(
         &self,
-        kernel: &Entries<'_, S>,
-        rule: &Chebyshev<T>,
+        interpolated: &Interpolated<'_, S>,
         targets: &[Point<T>],
         sources: &[(usize, Point<T>, f64)],
     ) -> Vec<(usize, f64)> {
-        let (nodes, entries) = (rule.len().pow(3), kernel.fields * kernel.densities);
-        // Row i holds what the values at the nodes count in the interpolated value at target i.
-        let mut weights: Vec<T> = targets.iter().flat_map(|&x| products(x, rule.len())).collect();
+        let Interpolated { kernel, exact, rule, slopes } = *interpolated;
+        let (n, count) = (rule.len(), targets.len());
+        // Row i holds what the values at the nodes count in the interpolated value at target i; or those of
+        // the three derivatives one after the other.
+        let mut weights: Vec<T> = if slopes {
+            let along = |axis| targets.iter().flat_map(move |&x| slope_products(x, n, axis));
+            (0..3).flat_map(along).collect()
+        } else {
+            targets.iter().flat_map(|&x| products(x, n)).collect()
+        };
         rule.node_weights(&mut weights);
-        let weights = Matrix { rows: nodes, columns: targets.len(), data: weights };
+        let weights = Matrix { rows: n.pow(3), columns: weights.len() / n.pow(3), data: weights };
         let weights = weights.transpose().map(S::from_real);
         let [grid, targets] = [rule.grid().collect(), targets.to_vec()]
             .map(|points: Vec<Point<T>>| self.scaled(points));
         let parts: Vec<_> = sources.chunks(TEST_SOURCES).collect();
         let errors = parallel::map(parts.len(), &|part| {
             let sources = parts[part];
-            let field = |points: &[Point<T>]| {
+            let field = |kernel: &Entries<'_, S>, points: &[Point<T>]| {
+                let entries = kernel.fields * kernel.densities;
                 let mut values = vec![zero::<S>(); points.len() * entries * sources.len()];
                 let each = values.chunks_exact_mut(points.len() * entries).zip(sources);
                 each.for_each(|(field, &(_, y, _))| {
@@ -184,14 +221,14 @@ impl<T: Real> FarField<T> {
                 });
                 values
             };
-            let mut differences = field(&targets);
-            let mut interpolated = vec![zero::<S>(); differences.len()];
-            S::product(&weights, &field(&grid), false, &mut interpolated);
-            kernel.add_products((weights.columns * interpolated.len()) as f64);
-            differences.iter_mut().zip(interpolated).for_each(|(exact, value)| *exact -= value);
-            let errors = differences.chunks_exact(targets.len() * entries);
+            let mut differences = field(exact, &targets);
+            let mut values = vec![zero::<S>(); differences.len()];
+            S::product(&weights, &field(kernel, &grid), false, &mut values);
+            kernel.add_products((weights.columns * values.len()) as f64);
+            differences.iter_mut().zip(values).for_each(|(exact, value)| *exact -= value);
+            let errors = differences.chunks_exact(differences.len() / sources.len());
             let mean = |(errors, &(o, _, factor)): (&[S], &(usize, Point<T>, f64))| {
-                (o, factor * norm_squared(errors) / targets.len() as f64)
+                (o, factor * norm_squared(errors) / count as f64)
             };
             errors.zip(sources).map(mean).collect::<Vec<_>>()
         });
@@ -235,9 +272,24 @@ fn towards_border<T: Real>(p: Point<T>) -> (Point<T>, f64) {
 
 /// T̂_i(x) T̂_j(y) T̂_k(z) in the order of the grid.
 pub(crate) fn products<T: Real>(p: Point<T>, n: usize) -> Vec<T> {
-    let axes = p.to_array().map(|x| {
+    products_along(p, n, [false; 3])
+}
+
+/// The derivative of the products along an axis.
+pub(crate) fn slope_products<T: Real>(p: Point<T>, n: usize, axis: usize) -> Vec<T> {
+    products_along(p, n, [0, 1, 2].map(|a| a == axis))
+}
+
+/// Products of the polynomials, or of their derivatives, along each axis.
+fn products_along<T: Real>(p: Point<T>, n: usize, slopes: [bool; 3]) -> Vec<T> {
+    let p = p.to_array();
+    let axes = [0, 1, 2].map(|axis| {
         let mut values = vec![T::from_f64(0.0); n];
-        polynomials(x, &mut values);
+        if slopes[axis] {
+            derivatives_in_lanes(&[p[axis]], values.as_chunks_mut().0);
+        } else {
+            polynomials(p[axis], &mut values);
+        }
         values
     });
     let [x, y, z] = &axes;
@@ -247,7 +299,7 @@ pub(crate) fn products<T: Real>(p: Point<T>, n: usize) -> Vec<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::interpolation::probe::pairwise;
+    use crate::interpolation::entries::pairwise;
     use glam::DVec3;
 
     fn error(f: fn(f64) -> f64, n: usize, half_width: f64) -> f64 {

@@ -2,7 +2,7 @@
 
 use pulp::Simd;
 
-use crate::interpolation::probe::zero;
+use crate::interpolation::entries::zero;
 use crate::linalg::matrix::Matrix;
 use crate::numbers::lanes::LANES;
 use crate::numbers::traits::Scalar;

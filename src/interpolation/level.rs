@@ -5,11 +5,13 @@ use std::sync::Arc;
 use crate::error::Error;
 use crate::interpolation::bases::Bases;
 use crate::interpolation::basis::Spectrum;
-use crate::interpolation::budget::truncation_share;
+use crate::interpolation::budget::{SLOPE_SHARE, truncation_share};
 use crate::interpolation::chebyshev::Chebyshev;
+use crate::interpolation::entries::Entries;
 use crate::interpolation::far_field::FarField;
 use crate::interpolation::means::{INTERACTION_OFFSETS, Means, interaction_offsets};
-use crate::interpolation::probe::{self, Entries, Parities};
+use crate::interpolation::operators::Slopes;
+use crate::interpolation::probe::{self, Parities};
 use crate::interpolation::transfer::Transfers;
 use crate::interpolation::tuning::{ATTEMPTS, CHECK_POINTS};
 use crate::numbers::traits::Scalar;
@@ -32,6 +34,8 @@ pub(crate) struct Request<'a, S: Scalar> {
     pub(crate) homogeneous: bool,
     pub(crate) far: &'a FarField<S::Real>,
     pub(crate) scale: Means,
+    /// Where derivatives have to be accurate too.
+    pub(crate) slopes: Option<&'a Slopes<'a, S>>,
     pub(crate) tolerance: f64,
     /// The share of the tolerance that errors between sample points may reach.
     pub(crate) accepted: f64,
@@ -57,6 +61,9 @@ impl<S: Scalar> Request<'_, S> {
         };
         let offsets: Vec<[i32; 3]> = interaction_offsets().collect();
         let mut share = truncation_share(self.tolerance, parities.is_some());
+        if self.slopes.is_some() {
+            share *= SLOPE_SHARE;
+        }
         let mut attempt = 0;
         loop {
             let cut = share * self.tolerance * self.scale.least();

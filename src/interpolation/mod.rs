@@ -11,6 +11,7 @@ pub(crate) mod check;
 pub(crate) mod cost;
 pub(crate) mod densities;
 pub(crate) mod directions;
+pub(crate) mod entries;
 pub(crate) mod everywhere;
 pub(crate) mod exchange;
 pub(crate) mod expansion;

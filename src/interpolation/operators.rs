@@ -10,10 +10,11 @@ use crate::interpolation::budget::{
 };
 use crate::interpolation::chebyshev::Chebyshev;
 use crate::interpolation::cost;
+use crate::interpolation::entries::Entries;
 use crate::interpolation::far_field::{FarField, test_costs};
 use crate::interpolation::level::{LevelOperators, Request, operator_costs};
 use crate::interpolation::means::Means;
-use crate::interpolation::probe::{self, Entries};
+use crate::interpolation::probe::{self};
 use crate::interpolation::tuning::{MAX_ORDER, MORE_ORDERS, WHOLE_DENSITY};
 use crate::linalg::matrix::Matrix;
 use crate::numbers::traits::{Real, Scalar};
@@ -57,6 +58,21 @@ pub(crate) struct Sizes<T> {
     pub(crate) extent: f64,
 }
 
+/// The derivatives of a kernel in half-widths of a level's cells, and the size that their errors are
+/// relative to.
+pub(crate) struct Slopes<'a, S: Scalar> {
+    pub(crate) entries: Entries<'a, S>,
+    pub(crate) scale: Means,
+}
+
+impl<'a, S: Scalar> Slopes<'a, S> {
+    fn new(slopes: &Entries<'a, S>, far: &FarField<S::Real>) -> Self {
+        let entries = slopes.times(far.half_width());
+        let scale = far.size(&entries);
+        Self { entries, scale }
+    }
+}
+
 impl Accuracy {
     pub(crate) fn check(self) -> Result<(), Error> {
         match self {
@@ -74,6 +90,7 @@ impl Accuracy {
 impl<S: Scalar> Operators<S> {
     pub(crate) fn new(
         kernel: &Entries<'_, S>,
+        slopes: Option<&Entries<'_, S>>,
         accuracy: Accuracy,
         sizes: &Sizes<S::Real>,
     ) -> Result<Self, Error> {
@@ -84,20 +101,28 @@ impl<S: Scalar> Operators<S> {
         let fields: Vec<FarField<S::Real>> = fields.collect();
         let scales = scales(kernel, sizes, &fields)?;
         let symmetric = fields.iter().all(|far| probe::symmetric(kernel, far.half_width()));
+        let with_slopes = slopes.is_some();
+        // Derivatives are measured in half-widths, like all else.
+        let slopes: Vec<Option<Slopes<'_, S>>> =
+            fields.iter().map(|far| slopes.map(|slopes| Slopes::new(slopes, far))).collect();
         let worst = |rule: &Chebyshev<S::Real>| {
-            let errors = fields.iter().zip(&scales).map(|(far, &scale)| {
-                let targets = far.interpolation_error(kernel, rule, scale);
-                if symmetric {
-                    targets
-                } else {
+            let errors = fields.iter().zip(&scales).zip(&slopes).map(|((far, &scale), slopes)| {
+                let mut error = far.interpolation_error(kernel, rule, scale);
+                if !symmetric {
                     let sources = far.interpolation_error(&kernel.transpose(), rule, scale);
-                    largest([targets, sources])
+                    error = largest([error, sources]);
                 }
+                if let Some(Slopes { entries, scale }) = slopes {
+                    let targets = far.slope_error(kernel, entries, rule, *scale);
+                    let sources = far.interpolation_error(&entries.transpose(), rule, *scale);
+                    error = largest([error, targets, sources]);
+                }
+                error
             });
             largest(errors)
         };
         let sides = if symmetric { 1.0 } else { 2.0 };
-        let tests = sides * fields.len() as f64;
+        let tests = (sides + if with_slopes { 6.0 } else { 0.0 }) * fields.len() as f64;
         let afford = |n: usize| {
             let [evaluations, products] = test_costs(kernel, n);
             kernel.afford_probes(tests * evaluations, tests * products)
@@ -132,6 +157,7 @@ impl<S: Scalar> Operators<S> {
                     homogeneous: sizes.homogeneous,
                     far: &fields[level],
                     scale: scales[level],
+                    slopes: slopes[level].as_ref(),
                     tolerance,
                     accepted,
                 }

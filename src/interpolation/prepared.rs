@@ -2,13 +2,16 @@
 
 use std::sync::Arc;
 
+use num_traits::Float;
+
 use crate::error::Error;
 use crate::expansion::Geometry;
 use crate::interpolation::cache::{self, Key};
+use crate::interpolation::entries::Entries;
 use crate::interpolation::everywhere::Everywhere;
 use crate::interpolation::level::LevelOperators;
 use crate::interpolation::operators::{Accuracy, Operators, Sizes};
-use crate::interpolation::probe::{self, Entries};
+use crate::interpolation::probe::{self};
 use crate::interpolation::transfer::Transfers;
 use crate::interpolation::tuning::{EXTENDED_BYTES, SAMPLED_EXTENT};
 use crate::linalg::matrix::Matrix;
@@ -49,6 +52,7 @@ impl<S: Scalar> Prepared<S> {
     pub(crate) fn new(
         kernel_type: &'static str,
         kernel: &Entries<'_, S>,
+        slopes: Option<&Entries<'_, S>>,
         accuracy: Accuracy,
         geometry: &Geometry<S::Real>,
     ) -> Result<Self, Error> {
@@ -57,10 +61,10 @@ impl<S: Scalar> Prepared<S> {
             return Ok(Self::Everywhere(Box::new(everywhere)));
         }
         if !probe::translation_invariant(kernel, &geometry.root) {
-            let everywhere = Everywhere::new(kernel, accuracy, geometry)?;
+            let everywhere = Everywhere::new(kernel, slopes, accuracy, geometry)?;
             return Ok(Self::Everywhere(Box::new(everywhere)));
         }
-        let invariant = Invariant::new(kernel_type, kernel, accuracy, geometry)?;
+        let invariant = Invariant::new(kernel_type, kernel, slopes, accuracy, geometry)?;
         Ok(Self::Invariant(Box::new(invariant)))
     }
 }
@@ -69,6 +73,7 @@ impl<S: Scalar> Invariant<S> {
     fn new(
         kernel_type: &'static str,
         kernel: &Entries<'_, S>,
+        slopes: Option<&Entries<'_, S>>,
         accuracy: Accuracy,
         geometry: &Geometry<S::Real>,
     ) -> Result<Self, Error> {
@@ -80,14 +85,14 @@ impl<S: Scalar> Invariant<S> {
         };
         let unit = probe::unit(kernel, half_widths.iter().copied());
         let sizes = Sizes { half_widths, homogeneous: degree.is_some(), extent: SAMPLED_EXTENT };
-        kernel.in_units_of(unit, |kernel| {
-            let operators = operators(kernel_type, kernel, accuracy, &sizes)?;
-            let first_level = geometry.levels.first().map_or(0, |level| level.level);
-            let extended = operators.levels.iter().map(|_| None).collect();
-            let mut prepared = Self { operators, first_level, degree, unit, extended };
-            prepared.extend(kernel, geometry);
-            Ok(prepared)
-        })
+        let kernel = &kernel.times(unit.recip());
+        let slopes = slopes.map(|slopes| slopes.times(unit.recip()));
+        let operators = operators(kernel_type, kernel, slopes.as_ref(), accuracy, &sizes)?;
+        let first_level = geometry.levels.first().map_or(0, |level| level.level);
+        let extended = operators.levels.iter().map(|_| None).collect();
+        let mut prepared = Self { operators, first_level, degree, unit, extended };
+        prepared.extend(kernel, geometry);
+        Ok(prepared)
     }
 
     /// Builds M2L operators for the offsets that only masks ask for.
@@ -159,14 +164,15 @@ impl<S: Scalar> Invariant<S> {
 fn operators<S: Scalar>(
     kernel_type: &'static str,
     kernel: &Entries<'_, S>,
+    slopes: Option<&Entries<'_, S>>,
     accuracy: Accuracy,
     sizes: &Sizes<S::Real>,
 ) -> Result<Arc<Operators<S>>, Error> {
-    let key = Key::new(kernel_type, kernel, accuracy, sizes);
+    let key = Key::new(kernel_type, kernel, slopes.is_some(), accuracy, sizes);
     if let Some(operators) = cache::find(&key) {
         return Ok(operators);
     }
-    let operators = Arc::new(Operators::new(kernel, accuracy, sizes)?);
+    let operators = Arc::new(Operators::new(kernel, slopes, accuracy, sizes)?);
     cache::remember(key, Arc::clone(&operators));
     Ok(operators)
 }

@@ -2,126 +2,10 @@
 
 use num_traits::Float;
 
-use crate::error::Error;
+use crate::interpolation::entries::{Entries, PointOf};
 use crate::interpolation::tuning::PROBE_PAIRS;
-use crate::interpolation::work::Work;
-use crate::numbers::traits::{Numbers, Point, Real, Scalar, Vector, l2_norm};
+use crate::numbers::traits::{Point, Real, Scalar, Vector, l2_norm};
 use crate::octree::geometry::Cube;
-
-/// The entries of a kernel, G(x, y), with the kernel's type forgotten: what set-up works on.
-pub(crate) struct Entries<'a, S: Scalar> {
-    /// Rows of G.
-    pub(crate) fields: usize,
-    /// Columns of G.
-    pub(crate) densities: usize,
-    block: &'a Block<'a, S>,
-    transposed: bool,
-    work: Option<&'a Work>,
-}
-
-/// Writes the entries of a block of pairs, as [`Kernel::entries_block`](crate::Kernel::entries_block).
-type Block<'a, S> = dyn Fn(&[PointOf<S>], &[PointOf<S>], &mut [S]) + Sync + 'a;
-
-/// A point in the precision of `S`.
-pub(crate) type PointOf<S> = Point<<S as Numbers>::Real>;
-
-impl<'a, S: Scalar> Entries<'a, S> {
-    pub(crate) fn new(fields: usize, densities: usize, block: &'a Block<'a, S>) -> Self {
-        Self { fields, densities, block, transposed: false, work: None }
-    }
-
-    /// The same entries, evaluated at the expense of `work`.
-    pub(crate) fn at_expense_of(self, work: &'a Work) -> Self {
-        Self { work: Some(work), ..self }
-    }
-
-    /// Refuses work that can't be afforded, see [`Work::spend`].
-    pub(crate) fn spend(&self, multiply_adds: f64) -> Result<(), Error> {
-        self.work.map_or(Ok(()), |work| work.spend(multiply_adds))
-    }
-
-    /// Whether so many probes can be afforded, see [`Work::afford_probes`].
-    pub(crate) fn afford_probes(&self, evaluations: f64, multiply_adds: f64) -> Result<(), Error> {
-        self.work.map_or(Ok(()), |work| work.afford_probes(evaluations, multiply_adds))
-    }
-
-    /// Counts multiply-adds that have been made.
-    pub(crate) fn add_products(&self, multiply_adds: f64) {
-        if let Some(work) = self.work {
-            work.add_products(multiply_adds);
-        }
-    }
-
-    /// Whether so much more could be afforded, see [`Work::afford`].
-    pub(crate) fn afford(&self, evaluations: f64, multiply_adds: f64) -> Result<(), Error> {
-        self.work.map_or(Ok(()), |work| work.afford(evaluations, multiply_adds))
-    }
-
-    /// The kernel G(y, x)ᵀ: what sources are to targets and targets to sources.
-    pub(crate) fn transpose(&self) -> Self {
-        let (fields, densities) = (self.densities, self.fields);
-        Self { fields, densities, transposed: !self.transposed, ..*self }
-    }
-
-    /// The kernel over `unit`, a power of two.
-    pub(crate) fn in_units_of<V>(
-        &self,
-        unit: S::Real,
-        work: impl FnOnce(&Entries<'_, S>) -> V,
-    ) -> V {
-        let shrink = S::from_real(unit.recip());
-        let block = |xs: &[PointOf<S>], ys: &[PointOf<S>], g: &mut [S]| {
-            (self.block)(xs, ys, g);
-            g.iter_mut().for_each(|entry| *entry *= shrink);
-        };
-        work(&Entries { block: &block, ..*self })
-    }
-
-    /// Writes the field of a source at points: for each density, for each component of the field, the
-    /// values at all points.
-    pub(crate) fn write_field(&self, xs: &[PointOf<S>], y: PointOf<S>, field: &mut [S]) {
-        let len = self.fields * self.densities;
-        if len == 1 {
-            return self.write(xs, y, field);
-        }
-        let mut g = vec![zero::<S>(); xs.len() * len];
-        self.write(xs, y, &mut g);
-        for (i, g) in g.chunks_exact(len).enumerate() {
-            for (k, &entry) in g.iter().enumerate() {
-                let (row, column) = (k / self.densities, k % self.densities);
-                field[(column * self.fields + row) * xs.len() + i] = entry;
-            }
-        }
-    }
-
-    /// The matrix at (x, y), row after row.
-    pub(crate) fn at(&self, x: PointOf<S>, y: PointOf<S>) -> Vec<S> {
-        let mut g = vec![zero::<S>(); self.fields * self.densities];
-        self.write(&[x], y, &mut g);
-        g
-    }
-
-    /// Writes the matrices at (x_i, y), one after the other, each row after row.
-    pub(crate) fn write(&self, xs: &[PointOf<S>], y: PointOf<S>, g: &mut [S]) {
-        if let Some(work) = self.work {
-            work.add_evaluations(xs.len());
-        }
-        if !self.transposed {
-            return (self.block)(xs, &[y], g);
-        }
-        (self.block)(&[y], xs, g);
-        let len = self.fields * self.densities;
-        if len > 1 {
-            let mut original = vec![zero::<S>(); len];
-            for g in g.chunks_exact_mut(len) {
-                original.copy_from_slice(g);
-                for (k, entry) in g.iter_mut().enumerate() {
-                    *entry = original[k % self.densities * self.fields + k / self.densities];
-                }
-            }
-        }
-    }
-}
 
 /// Whether K(x + s, y + s) = K(x, y) to round-off for sample pairs and shifts within `root`.
 pub(crate) fn translation_invariant<S: Scalar>(
@@ -321,29 +205,10 @@ fn norm<S: Scalar>(g: &[S]) -> f64 {
     l2_norm(g.iter().copied())
 }
 
-pub(crate) fn zero<S: Scalar>() -> S {
-    <S as Numbers>::zero()
-}
-
-pub(crate) fn norm_squared<S: Scalar>(g: &[S]) -> f64 {
-    g.iter().map(Numbers::norm_squared).sum()
-}
-
-/// The block of a formula that is given pair by pair.
-#[cfg(test)]
-pub(crate) fn pairwise(
-    len: usize,
-    pair: impl Fn(glam::DVec3, glam::DVec3, &mut [f64]) + Sync,
-) -> impl Fn(&[glam::DVec3], &[glam::DVec3], &mut [f64]) + Sync {
-    move |xs, ys, g| {
-        let pairs = xs.iter().flat_map(|x| ys.iter().map(move |y| (*x, *y)));
-        pairs.zip(g.chunks_exact_mut(len)).for_each(|((x, y), g)| pair(x, y, g));
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::interpolation::entries::pairwise;
     use glam::DVec3;
 
     /// Asks a question about a scalar formula.

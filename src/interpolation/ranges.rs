@@ -8,8 +8,8 @@ use std::sync::Arc;
 use crate::interpolation::bases::Bases;
 use crate::interpolation::basis::{adjoint, product, smallest_kept};
 use crate::interpolation::budget::SIDE_SHARE;
+use crate::interpolation::entries::{Entries, zero};
 use crate::interpolation::means::weight;
-use crate::interpolation::probe::{Entries, zero};
 use crate::interpolation::tuning::{MORE_VECTORS, RANGE_REACH};
 use crate::linalg::dense::Svd;
 use crate::linalg::matrix::Matrix;
@@ -235,8 +235,8 @@ mod tests {
     use super::*;
     use crate::interpolation::basis::Spectrum;
     use crate::interpolation::chebyshev::Chebyshev;
+    use crate::interpolation::entries::pairwise;
     use crate::interpolation::far_field::FarField;
-    use crate::interpolation::probe::pairwise;
     use crate::interpolation::probe::parities;
     use glam::DVec3;
 

@@ -2,8 +2,8 @@
 
 use crate::expansion::{Expansion, LevelFamilies};
 use crate::interpolation::black_box::Interpolation;
+use crate::interpolation::entries::zero;
 use crate::interpolation::prepared::{Invariant, Prepared};
-use crate::interpolation::probe::zero;
 use crate::interpolation::scratch::{Move, Shifted};
 use crate::interpolation::tuning::SHIFTED_TOGETHER;
 use crate::kernel::traits::Kernel;

@@ -51,6 +51,10 @@ pub(crate) const CHECK_POINTS: usize = 32;
 /// How many levels of children are checked between corners: a cluster in a corner goes through all of them.
 pub(crate) const CORNER_LEVELS: usize = 4;
 
+/// How many levels of children are checked for derivatives: what a small cell drops of the field of a large
+/// one is steep there.
+pub(crate) const SLOPE_LEVELS: usize = 3;
+
 /// Larger offsets, which only masks ask for, add nothing to the ranges of their directions: their fields
 /// are combinations of the nearer ones.
 pub(crate) const RANGE_REACH: i32 = 5;

@@ -12,7 +12,7 @@ pub(crate) const BARGAIN: f64 = 1.2;
 pub(crate) const SET_UP_SECONDS: f64 = 0.01;
 
 /// Where an expansion is asked for, set-up may take so many seconds of one core, and so many direct sums.
-pub(crate) const ASKED_SECONDS: f64 = 10.0;
+pub(crate) const ASKED_SECONDS: f64 = 20.0;
 pub(crate) const ASKED_SUMS: f64 = 10.0;
 
 /// The relative error of direct sums, in units of rounding.
