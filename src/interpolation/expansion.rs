@@ -9,6 +9,7 @@ use crate::expansion::costs::Costs;
 use crate::expansion::{Expansion, Geometry, LevelFamilies, LevelPairs};
 use crate::interpolation::black_box::Interpolation;
 use crate::interpolation::budget::PAIR_SHARE;
+use crate::interpolation::cache::KernelName;
 use crate::interpolation::cost;
 use crate::interpolation::entries::{Entries, zero};
 use crate::interpolation::operators::Accuracy;
@@ -52,7 +53,12 @@ impl<K: Kernel> Expansion for Interpolation<K> {
         let slopes =
             Entries::new(3 * kernel.fields(), kernel.densities(), &block).at_expense_of(&work);
         let slopes = kernel.needs_gradients().then_some(&slopes);
-        self.prepared = Prepared::new(type_name::<K>(), &entries, slopes, self.accuracy, geometry)?;
+        let name = KernelName {
+            name: type_name::<K>(),
+            code: K::entries as *const () as usize,
+            has_parameters: kernel.has_parameters(),
+        };
+        self.prepared = Prepared::new(name, &entries, slopes, self.accuracy, geometry)?;
         self.scratch = Pool::default();
         Ok(())
     }

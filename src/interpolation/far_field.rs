@@ -37,10 +37,10 @@ struct Interpolated<'a, S: Scalar> {
 }
 
 impl<T: Real> FarField<T> {
-    /// Sources in the 316 cells from which a tree's M2L comes, and in shells out to `extent`
-    /// half-widths, from which M2P, P2L and masks may take more: `density` times as many as a kernel
+    /// Sources in the 316 cells from which a tree's M2L comes, and in shells out to `reach`
+    /// half-widths along an axis, from which M2P, P2L and masks may take more: `density` times as many as a kernel
     /// needs whose far field falls into parities.
-    pub(crate) fn new(half_width: T, extent: f64, density: usize) -> Self {
+    pub(crate) fn new(half_width: T, reach: f64, density: usize) -> Self {
         let (mut sources, mut starts) = (Vec::new(), vec![0]);
         let offsets: Vec<[i32; 3]> = interaction_offsets().collect();
         for (i, &offset) in offsets.iter().enumerate() {
@@ -54,12 +54,12 @@ impl<T: Real> FarField<T> {
             starts.push(sources.len());
         }
         let mut radius = 8.0;
-        while radius <= 2.0 * extent {
+        while radius < reach {
             let count = density * PER_SHELL;
             sources.extend((0..count).map(|k| {
                 let p = sample::<T>(k).to_array().map(Real::as_f64);
                 let largest = p.iter().fold(0.0f64, |a, x| a.max(x.abs()));
-                let stretch = radius * (1.0 + (0.618 * k as f64).fract()) / largest;
+                let stretch = (radius * (1.0 + (0.618 * k as f64).fract())).min(reach) / largest;
                 let p = Point::<T>::from_array(p.map(|x| T::from_f64(x * stretch)));
                 (p, SHELL_WEIGHT / count as f64)
             }));
@@ -129,6 +129,12 @@ impl<T: Real> FarField<T> {
         for (i, &(y, _)) in self.sources.iter().enumerate() {
             self.entry(kernel, sample::<T>(i), y).into_iter().for_each(&mut visit);
         }
+    }
+
+    /// Where [`columns`](Self::columns) asks for the kernel: the nodes of `rule`, and all sources.
+    pub(crate) fn places(&self, rule: &Chebyshev<T>) -> (Vec<Point<T>>, Vec<Point<T>>) {
+        let sources = self.sources.iter().map(|&(y, _)| y).collect();
+        (self.scaled(rule.grid().collect()), self.scaled(sources))
     }
 
     /// The error, relative to `size`, of interpolating between the nodes of `rule`, at random targets
@@ -305,7 +311,7 @@ mod tests {
     fn error(f: fn(f64) -> f64, n: usize, half_width: f64) -> f64 {
         let entries = pairwise(1, |x, y, g| g[0] = f(x.distance(y)));
         let kernel = Entries::new(1, 1, &entries);
-        let far = FarField::new(half_width, 8.0, 1);
+        let far = FarField::new(half_width, 32.0, 1);
         far.interpolation_error(&kernel, &Chebyshev::new(n), far.size(&kernel))
     }
 
@@ -323,7 +329,7 @@ mod tests {
 
     #[test]
     fn weights_add_up_to_those_of_the_offsets() {
-        let far = FarField::new(1.0, 20.0, 1);
+        let far = FarField::new(1.0, 64.0, 1);
         let lists: f64 = far.sources[..far.starts[INTERACTION_OFFSETS]].iter().map(|s| s.1).sum();
         assert!((lists / INTERACTION_OFFSETS as f64 - 1.0).abs() < 0.02, "{lists}");
     }
@@ -332,7 +338,7 @@ mod tests {
     fn columns_hold_the_coefficients_of_the_far_field() {
         let entries = pairwise(1, |x, y, g| g[0] = 1.0 / x.distance(y));
         let kernel = Entries::new(1, 1, &entries);
-        let (far, rule) = (FarField::new(0.25, 20.0, 1), Chebyshev::new(9));
+        let (far, rule) = (FarField::new(0.25, 64.0, 1), Chebyshev::new(9));
         let columns = far.columns(&kernel, &rule, f64::INFINITY);
         let x = DVec3::new(0.3, -0.8, 0.6);
         for (j, (y, weight)) in far.sources.iter().enumerate() {

@@ -10,6 +10,7 @@ pub(crate) mod chebyshev;
 pub(crate) mod check;
 pub(crate) mod cost;
 pub(crate) mod densities;
+pub(crate) mod digest;
 pub(crate) mod directions;
 pub(crate) mod entries;
 pub(crate) mod everywhere;

@@ -54,8 +54,16 @@ pub(crate) struct Sizes<T> {
     pub(crate) half_widths: Vec<T>,
     /// Whether cells of all sizes have the same operators.
     pub(crate) homogeneous: bool,
-    /// How far sources may be, in half-widths.
-    pub(crate) extent: f64,
+    /// How far along an axis sources may be from a cell's centre on each level, in half-widths.
+    pub(crate) reaches: Vec<f64>,
+}
+
+impl<T: Real> Sizes<T> {
+    /// The far field on a level; without parities it is sampled more densely.
+    pub(crate) fn far_field(&self, level: usize, reflected: bool) -> FarField<T> {
+        let density = if reflected { 1 } else { WHOLE_DENSITY };
+        FarField::new(self.half_widths[level], self.reaches[level], density)
+    }
 }
 
 /// The derivatives of a kernel in half-widths of a level's cells, and the size that their errors are
@@ -94,10 +102,11 @@ impl<S: Scalar> Operators<S> {
         accuracy: Accuracy,
         sizes: &Sizes<S::Real>,
     ) -> Result<Self, Error> {
-        let fields = sizes.half_widths.iter().map(|&h| {
-            let reflected = probe::parities(kernel, h).is_some();
-            FarField::new(h, sizes.extent, if reflected { 1 } else { WHOLE_DENSITY })
-        });
+        let fields = sizes
+            .half_widths
+            .iter()
+            .enumerate()
+            .map(|(level, &h)| sizes.far_field(level, probe::parities(kernel, h).is_some()));
         let fields: Vec<FarField<S::Real>> = fields.collect();
         let scales = scales(kernel, sizes, &fields)?;
         let symmetric = fields.iter().all(|far| probe::symmetric(kernel, far.half_width()));

@@ -6,14 +6,14 @@ use num_traits::Float;
 
 use crate::error::Error;
 use crate::expansion::Geometry;
-use crate::interpolation::cache::{self, Key};
+use crate::interpolation::cache::{self, KernelName, Key};
 use crate::interpolation::entries::Entries;
 use crate::interpolation::everywhere::Everywhere;
 use crate::interpolation::level::LevelOperators;
 use crate::interpolation::operators::{Accuracy, Operators, Sizes};
 use crate::interpolation::probe::{self};
 use crate::interpolation::transfer::Transfers;
-use crate::interpolation::tuning::{EXTENDED_BYTES, SAMPLED_EXTENT};
+use crate::interpolation::tuning::{EXTENDED_BYTES, SAMPLED_REACH};
 use crate::linalg::matrix::Matrix;
 use crate::numbers::traits::{Real, Scalar};
 
@@ -50,7 +50,7 @@ pub(crate) struct Shift<'a, S: Scalar> {
 
 impl<S: Scalar> Prepared<S> {
     pub(crate) fn new(
-        kernel_type: &'static str,
+        kernel_name: KernelName,
         kernel: &Entries<'_, S>,
         slopes: Option<&Entries<'_, S>>,
         accuracy: Accuracy,
@@ -64,14 +64,14 @@ impl<S: Scalar> Prepared<S> {
             let everywhere = Everywhere::new(kernel, slopes, accuracy, geometry)?;
             return Ok(Self::Everywhere(Box::new(everywhere)));
         }
-        let invariant = Invariant::new(kernel_type, kernel, slopes, accuracy, geometry)?;
+        let invariant = Invariant::new(kernel_name, kernel, slopes, accuracy, geometry)?;
         Ok(Self::Invariant(Box::new(invariant)))
     }
 }
 
 impl<S: Scalar> Invariant<S> {
     fn new(
-        kernel_type: &'static str,
+        kernel_name: KernelName,
         kernel: &Entries<'_, S>,
         slopes: Option<&Entries<'_, S>>,
         accuracy: Accuracy,
@@ -84,10 +84,17 @@ impl<S: Scalar> Invariant<S> {
             None => levels().collect(),
         };
         let unit = probe::unit(kernel, half_widths.iter().copied());
-        let sizes = Sizes { half_widths, homogeneous: degree.is_some(), extent: SAMPLED_EXTENT };
+        // A kernel with a scale of its own is asked for distances within the root only: it may know no others.
+        let edge = 2.0 * geometry.root.half_width().as_f64();
+        let reach = |h: &S::Real| match degree {
+            Some(_) => SAMPLED_REACH,
+            None => (edge / h.as_f64() - 1.0).min(SAMPLED_REACH),
+        };
+        let reaches = half_widths.iter().map(reach).collect();
+        let sizes = Sizes { half_widths, homogeneous: degree.is_some(), reaches };
         let kernel = &kernel.times(unit.recip());
         let slopes = slopes.map(|slopes| slopes.times(unit.recip()));
-        let operators = operators(kernel_type, kernel, slopes.as_ref(), accuracy, &sizes)?;
+        let operators = operators(kernel_name, kernel, slopes.as_ref(), accuracy, &sizes)?;
         let first_level = geometry.levels.first().map_or(0, |level| level.level);
         let extended = operators.levels.iter().map(|_| None).collect();
         let mut prepared = Self { operators, first_level, degree, unit, extended };
@@ -162,18 +169,23 @@ impl<S: Scalar> Invariant<S> {
 
 /// Remembered operators, or new ones.
 fn operators<S: Scalar>(
-    kernel_type: &'static str,
+    kernel_name: KernelName,
     kernel: &Entries<'_, S>,
     slopes: Option<&Entries<'_, S>>,
     accuracy: Accuracy,
     sizes: &Sizes<S::Real>,
 ) -> Result<Arc<Operators<S>>, Error> {
-    let key = Key::new(kernel_type, kernel, slopes.is_some(), accuracy, sizes);
-    if let Some(operators) = cache::find(&key) {
-        return Ok(operators);
+    let key = Key::new(kernel_name, kernel, slopes.is_some(), accuracy, sizes);
+    let digest = |operators: &Operators<S>| {
+        if kernel_name.has_parameters { operators.digest(kernel, slopes, sizes) } else { 0 }
+    };
+    for (operators, known) in cache::candidates::<S>(&key) {
+        if digest(&operators) == known {
+            return Ok(operators);
+        }
     }
     let operators = Arc::new(Operators::new(kernel, slopes, accuracy, sizes)?);
-    cache::remember(key, Arc::clone(&operators));
+    cache::remember(key, Arc::clone(&operators), digest(&operators));
     Ok(operators)
 }
 

@@ -21,9 +21,10 @@ pub(crate) fn translation_invariant<S: Scalar>(
     })
 }
 
-/// The degree α with K(s x, s y) = s^α K(x, y), to round-off, if there is one: for sample pairs of size
-/// `h` and s = 2, 4, and for what takes pairs of size 1, for which operators are built, to those of size `h`
-/// and of the `others`. Assumes translation invariance.
+/// The degree α with K(s x, s y) = s^α K(x, y), to round-off, if there is one: for sample pairs within a root
+/// of half-width `h` and s = 2, 4, and for what takes pairs of size 1, for which operators are built, to those
+/// of size `h` and of the `others`. Pairs of size 1 are asked for only where the law holds within the root.
+/// Assumes translation invariance.
 pub(crate) fn homogeneity<S: Scalar>(
     kernel: &Entries<'_, S>,
     h: S::Real,
@@ -31,21 +32,23 @@ pub(crate) fn homogeneity<S: Scalar>(
 ) -> Option<f64> {
     let entries =
         |i: usize, size: S::Real| kernel.at(sample::<S::Real>(i) * size, PointOf::<S>::default());
-    let times = |scale: f64| h * S::Real::from_f64(scale);
-    let degree = (norm(&entries(0, times(2.0))) / norm(&entries(0, h))).log2();
+    let [quarter, half] = [0.25, 0.5].map(|part| h * S::Real::from_f64(part));
+    let degree = (norm(&entries(0, h)) / norm(&entries(0, half))).log2();
     // Degrees of formulas are simple fractions; the nearest one has no rounding of its own.
     let degree = (degree * 840.0).round() / 840.0;
-    let one = S::Real::from_f64(1.0);
-    let mut sizes = vec![(h, times(2.0), 2.0f64), (h, times(4.0), 4.0), (one, h, h.as_f64())];
-    sizes.extend(others.into_iter().map(|size| (one, size, size.as_f64())));
-    let holds = |i| {
-        sizes.iter().all(|&(from, to, scale)| {
-            let factor = S::from_real(S::Real::from_f64(scale.powf(degree)));
-            let scaled: Vec<S> = entries(i, from).into_iter().map(|g| factor * g).collect();
-            agree(&scaled, &entries(i, to), round_off::<S>())
-        })
+    if !degree.is_finite() {
+        return None;
+    }
+    let holds = |i: usize, from: S::Real, to: S::Real, scale: f64| {
+        let factor = S::from_real(S::Real::from_f64(scale.powf(degree)));
+        let scaled: Vec<S> = entries(i, from).into_iter().map(|g| factor * g).collect();
+        agree(&scaled, &entries(i, to), round_off::<S>())
     };
-    (degree.is_finite() && (0..PROBE_PAIRS).all(holds)).then_some(degree)
+    let inside = |i| holds(i, half, h, 2.0) && holds(i, quarter, h, 4.0);
+    let one = S::Real::from_f64(1.0);
+    let sizes: Vec<S::Real> = std::iter::once(h).chain(others).collect();
+    let rescaled = |i| sizes.iter().all(|&size| holds(i, one, size, size.as_f64()));
+    ((0..PROBE_PAIRS).all(inside) && (0..PROBE_PAIRS).all(rescaled)).then_some(degree)
 }
 
 /// Whether G(x, y) = G(y, x)ᵀ to round-off for sample pairs. Assumes translation invariance.

@@ -179,7 +179,11 @@ impl<'a, S: Scalar> Factors<'a, S> {
 }
 
 /// The kernel between the skeletons of two cells.
-fn between<S: Scalar>(kernel: &Entries<'_, S>, bases: &Bases<S>, offset: [i32; 3]) -> Matrix<S> {
+pub(crate) fn between<S: Scalar>(
+    kernel: &Entries<'_, S>,
+    bases: &Bases<S>,
+    offset: [i32; 3],
+) -> Matrix<S> {
     let step = offset.map(|o| S::Real::from_f64(2.0 * f64::from(o)));
     let step = Point::<S::Real>::from_array(step);
     let [ys, xs] = [&bases.source, &bases.target].map(|basis| &basis.skeleton.points);
@@ -244,7 +248,7 @@ mod tests {
     fn worst(kernel: fn(DVec3) -> f64, reflected: bool, cut: f64) -> (f64, usize) {
         let entries = pairwise(1, |x, y, g| g[0] = kernel(x - y));
         let (kernel, rule) = (Entries::new(1, 1, &entries), Chebyshev::new(7));
-        let far = FarField::new(0.5, 8.0, if reflected { 1 } else { 2 });
+        let far = FarField::new(0.5, 32.0, if reflected { 1 } else { 2 });
         let parities = parities(&kernel, 0.5).map(|parities| parities.fields);
         assert_eq!(parities.is_some(), reflected);
         let basis = |kernel: &Entries<'_, f64>| {

@@ -359,7 +359,7 @@ mod tests {
     fn a_pair_alone_and_a_pair_of_a_level_are_the_same() {
         let entries = pairwise(1, |x, y, g| g[0] = 1.0 / x.distance(y));
         let (kernel, rule) = (Entries::new(1, 1, &entries), Chebyshev::new(4));
-        let far = FarField::new(1.0 / 32.0, 8.0, 1);
+        let far = FarField::new(1.0 / 32.0, 32.0, 1);
         let spectrum = Spectrum::new(&kernel, Some(&[0]), &far, &rule, f64::INFINITY).unwrap();
         let offsets: Vec<[i32; 3]> = interaction_offsets().collect();
         let root = Cube::new(DVec3::splat(0.5), 0.5);

@@ -16,8 +16,8 @@ pub(crate) const ATTEMPTS: usize = 3;
 /// How many sets of operators are remembered.
 pub(crate) const CAPACITY: usize = 24;
 
-/// How far away the sources of a homogeneous kernel are sampled, in half-widths.
-pub(crate) const SAMPLED_EXTENT: f64 = 64.0;
+/// How far away the sources of a kernel are sampled along an axis, in half-widths.
+pub(crate) const SAMPLED_REACH: f64 = 256.0;
 
 /// How many times the samples are taken of a far field that does not fall into parities.
 pub(crate) const WHOLE_DENSITY: usize = 2;

@@ -62,6 +62,10 @@ impl<K: Kernel> Kernel for &K {
         (**self).needs_gradients()
     }
 
+    fn has_parameters(&self) -> bool {
+        (**self).has_parameters()
+    }
+
     #[inline(always)]
     fn entry_gradients(
         &self,

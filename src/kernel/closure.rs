@@ -130,6 +130,10 @@ where
         g[0] = (self.f)(x.into(), y.into());
     }
 
+    fn has_parameters(&self) -> bool {
+        size_of::<F>() > 0
+    }
+
     fn add_block(&self, xs: &[P], ys: &[P], qs: &[C], _tolerance: f64, us: &mut [C]) {
         let add = |x: &P, y: &P, q: &C, u: &mut C| self.add_pair(x, y, q, u);
         PairLoop { add, xs, ys, qs, us }.run();
@@ -170,6 +174,10 @@ where
     fn entry_gradients(&self, x: Point<V::Real>, y: Point<V::Real>, g: &mut [[V; 3]]) -> Outcome {
         g[0] = (self.gradient)(x.into(), y.into()).into();
         Outcome::Done
+    }
+
+    fn has_parameters(&self) -> bool {
+        size_of::<(F, G)>() > 0
     }
 
     fn add_block(&self, xs: &[P], ys: &[P], qs: &[C], _tolerance: f64, us: &mut [WithGradient<C>]) {

@@ -136,6 +136,10 @@ where
         }
     }
 
+    fn has_parameters(&self) -> bool {
+        size_of::<F>() > 0
+    }
+
     fn entries_block(&self, xs: &[Point<P::Real>], ys: &[Point<P::Real>], g: &mut [Self::Entry]) {
         entries_side_by_side(&self.formula, xs, ys, g);
     }
@@ -206,6 +210,10 @@ where
     ) -> Outcome {
         slopes(&self.kernel.formula, x, y, g);
         Outcome::Done
+    }
+
+    fn has_parameters(&self) -> bool {
+        size_of::<F>() > 0
     }
 
     fn entries_block(&self, xs: &[Point<P::Real>], ys: &[Point<P::Real>], g: &mut [Self::Entry]) {

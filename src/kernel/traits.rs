@@ -119,6 +119,13 @@ pub trait Kernel: Send + Sync {
         false
     }
 
+    /// Whether kernels of this type can differ in their formula: by default, unless they have no size. A plan
+    /// takes the operators of another plan for granted only where they can't; otherwise it evaluates the
+    /// formula wherever they came from.
+    fn has_parameters(&self) -> bool {
+        size_of_val(self) > 0
+    }
+
     /// Writes ∂G(x, y)/∂x into `g`, in the order of the entries. A kernel that
     /// [needs gradients](Self::needs_gradients) must give them.
     fn entry_gradients(

@@ -26,10 +26,14 @@ pub(crate) fn pair_seconds<K: Kernel>(
         return NOMINAL_SECONDS;
     }
     static MEASURED: Mutex<BTreeMap<(&str, u64), f64>> = Mutex::new(BTreeMap::new());
-    let mut measured = MEASURED.lock().unwrap_or_else(|e| e.into_inner());
-    *measured
-        .entry((type_name::<K>(), tolerance.to_bits()))
-        .or_insert_with(|| measure(kernel, tolerance, &sample(sources), &sample(targets)))
+    let measured = || MEASURED.lock().unwrap_or_else(|e| e.into_inner());
+    let kind = (type_name::<K>(), tolerance.to_bits());
+    if let Some(&seconds) = measured().get(&kind) {
+        return seconds;
+    }
+    // Nothing is locked while the kernel runs: it may wait for another thread that plans as well.
+    let seconds = measure(kernel, tolerance, &sample(sources), &sample(targets));
+    *measured().entry(kind).or_insert(seconds)
 }
 
 /// Points from all over the set, in its order.

@@ -119,6 +119,11 @@ impl<T: Real, C: Numbers<Real = T>> Kernel for Irradiance<T, C> {
         self.block(xs, ys, qs, Pairs::Set(bits), tolerance, us);
     }
 
+    /// Clamping is not in the entries.
+    fn has_parameters(&self) -> bool {
+        false
+    }
+
     #[inline(always)]
     fn fields(&self) -> usize {
         3
