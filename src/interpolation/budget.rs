@@ -9,6 +9,7 @@
 //! | interpolation at n nodes per axis | [`INTERPOLATION_SHARE`] | ε | `operators` |
 //! | each truncation, at first | [`truncation_share`] | ε | `level` |
 //! | the same where derivatives count | [`SLOPE_SHARE`] | that share | `level` |
+//! | derivatives, measured, level by level | 1 / [`SLOPE_WEIGHT`] | what values may | `operators`, `check` |
 //! | each truncation, if the order is given | [`ORDER_TRUNCATION_SHARE`] | interpolation's error | `operators` |
 //! | nodes of a skeleton | [`SKELETON_SHARE`] | the basis's cut-off | `basis` |
 //! | each side of a direction | [`SIDE_SHARE`] | the basis's cut-off | `ranges` |
@@ -28,6 +29,10 @@ pub(crate) const INTERPOLATION_SHARE: f64 = 0.25;
 /// What is left of the share of a truncation where derivatives have to be accurate too: functions of high
 /// degree are steep.
 pub(crate) const SLOPE_SHARE: f64 = 0.3;
+
+/// How much the error of derivatives counts where every level has operators of its own: what a cell drops of
+/// the fields of those above it is not measured then, and is steep.
+pub(crate) const SLOPE_WEIGHT: f64 = 2.0;
 
 /// With a given order, the share of interpolation's own error that truncation may add.
 pub(crate) const ORDER_TRUNCATION_SHARE: f64 = 0.03;

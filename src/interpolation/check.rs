@@ -18,8 +18,9 @@ impl<S: Scalar> Request<'_, S> {
     /// and L2L included.
     pub(crate) fn check(&self, level: &LevelOperators<S>) -> f64 {
         let values = self.error(level, self.kernel, self.scale, false);
-        let slopes =
-            |slopes: &Slopes<'_, S>| self.error(level, &slopes.entries, slopes.scale, true);
+        let slopes = |slopes: &Slopes<'_, S>| {
+            slopes.weight * self.error(level, &slopes.entries, slopes.scale, true)
+        };
         largest([values, self.slopes.map_or(0.0, slopes)])
     }
 

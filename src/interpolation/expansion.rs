@@ -17,7 +17,7 @@ use crate::interpolation::prepared::Prepared;
 use crate::interpolation::tuning::ENTRY_PAIRS;
 use crate::interpolation::work::Work;
 use crate::kernel::traits::{Kernel, Outcome};
-use crate::numbers::traits::{Point, Real, Scalar};
+use crate::numbers::traits::{Point, Real, Scalar, Vector};
 use crate::octree::geometry::Cell;
 use crate::parallel::pool::Pool;
 
@@ -52,7 +52,9 @@ impl<K: Kernel> Expansion for Interpolation<K> {
         };
         let slopes =
             Entries::new(3 * kernel.fields(), kernel.densities(), &block).at_expense_of(&work);
-        let slopes = kernel.needs_gradients().then_some(&slopes);
+        // A given order is taken as it is.
+        let measured = matches!(self.accuracy, Accuracy::Tolerance(_));
+        let slopes = (measured && kernel.needs_gradients()).then_some(&slopes);
         let name = KernelName {
             name: type_name::<K>(),
             code: K::entries as *const () as usize,
@@ -200,7 +202,7 @@ impl<K: Kernel> Expansion for Interpolation<K> {
 }
 
 /// Writes ∂G/∂x for all pairs of a block: as the entries, with three rows for each field. What a kernel
-/// declines is NaN.
+/// declines to say is taken from differences.
 fn write_slopes<K: Kernel>(
     kernel: &K,
     xs: &[Point<K::Real>],
@@ -212,14 +214,37 @@ fn write_slopes<K: Kernel>(
     let pairs = xs.iter().flat_map(|x| ys.iter().map(move |y| (*x, *y)));
     for ((x, y), g) in pairs.zip(g.chunks_exact_mut(3 * fields * densities)) {
         if kernel.entry_gradients(x, y, &mut slopes) == Outcome::Declined {
-            g.fill(K::Entry::from_real(K::Real::nan()));
-            continue;
+            differences(kernel, x, y, &mut slopes);
         }
         for (k, slope) in slopes.iter().enumerate() {
             let (field, density) = (k / densities, k % densities);
             for (axis, &part) in slope.iter().enumerate() {
                 g[(3 * field + axis) * densities + density] = part;
             }
+        }
+    }
+}
+
+/// Derivatives to about ε^⅔, by central differences.
+fn differences<K: Kernel>(
+    kernel: &K,
+    x: Point<K::Real>,
+    y: Point<K::Real>,
+    slopes: &mut [[K::Entry; 3]],
+) {
+    let [dx, dy, dz] = (x - y).to_array();
+    let step = (dx * dx + dy * dy + dz * dz).sqrt() * K::Real::epsilon().cbrt();
+    let mut sides = vec![zero::<K::Entry>(); 2 * slopes.len()];
+    for axis in 0..3 {
+        let mut along = [K::Real::from_f64(0.0); 3];
+        along[axis] = step;
+        let along = Point::<K::Real>::from_array(along);
+        let (before, after) = sides.split_at_mut(slopes.len());
+        kernel.entries(x - along, y, before);
+        kernel.entries(x + along, y, after);
+        let per_length = K::Entry::from_real((step + step).recip());
+        for (slope, (&a, &b)) in slopes.iter_mut().zip(before.iter().zip(&*after)) {
+            slope[axis] = (b - a) * per_length;
         }
     }
 }

@@ -6,7 +6,7 @@ use crate::error::Error;
 use crate::interpolation::basis::{adjoint, product, spectrum_costs};
 use crate::interpolation::budget::{
     ACCEPTED_LEVEL_SHARE, ACCEPTED_SHARE, INTERPOLATION_SHARE, LIMITING_SHARE,
-    ORDER_TRUNCATION_SHARE, SAFE_SHARE,
+    ORDER_TRUNCATION_SHARE, SAFE_SHARE, SLOPE_WEIGHT,
 };
 use crate::interpolation::chebyshev::Chebyshev;
 use crate::interpolation::cost;
@@ -71,13 +71,15 @@ impl<T: Real> Sizes<T> {
 pub(crate) struct Slopes<'a, S: Scalar> {
     pub(crate) entries: Entries<'a, S>,
     pub(crate) scale: Means,
+    /// What their errors are multiplied by.
+    pub(crate) weight: f64,
 }
 
 impl<'a, S: Scalar> Slopes<'a, S> {
-    fn new(slopes: &Entries<'a, S>, far: &FarField<S::Real>) -> Self {
+    fn new(slopes: &Entries<'a, S>, far: &FarField<S::Real>, homogeneous: bool) -> Self {
         let entries = slopes.times(far.half_width());
         let scale = far.size(&entries);
-        Self { entries, scale }
+        Self { entries, scale, weight: if homogeneous { 1.0 } else { SLOPE_WEIGHT } }
     }
 }
 
@@ -112,8 +114,10 @@ impl<S: Scalar> Operators<S> {
         let symmetric = fields.iter().all(|far| probe::symmetric(kernel, far.half_width()));
         let with_slopes = slopes.is_some();
         // Derivatives are measured in half-widths, like all else.
-        let slopes: Vec<Option<Slopes<'_, S>>> =
-            fields.iter().map(|far| slopes.map(|slopes| Slopes::new(slopes, far))).collect();
+        let slopes: Vec<Option<Slopes<'_, S>>> = fields
+            .iter()
+            .map(|far| slopes.map(|slopes| Slopes::new(slopes, far, sizes.homogeneous)))
+            .collect();
         let worst = |rule: &Chebyshev<S::Real>| {
             let errors = fields.iter().zip(&scales).zip(&slopes).map(|((far, &scale), slopes)| {
                 let mut error = far.interpolation_error(kernel, rule, scale);
@@ -121,10 +125,10 @@ impl<S: Scalar> Operators<S> {
                     let sources = far.interpolation_error(&kernel.transpose(), rule, scale);
                     error = largest([error, sources]);
                 }
-                if let Some(Slopes { entries, scale }) = slopes {
+                if let Some(Slopes { entries, scale, weight }) = slopes {
                     let targets = far.slope_error(kernel, entries, rule, *scale);
                     let sources = far.interpolation_error(&entries.transpose(), rule, *scale);
-                    error = largest([error, targets, sources]);
+                    error = largest([error, weight * targets, weight * sources]);
                 }
                 error
             });

@@ -84,7 +84,8 @@ impl Expansion for Drowsy {
 #[test]
 fn doubts_are_settled_by_applying_the_plan() {
     let points = clouds::cube(6000, 1);
-    let builder = || Fmm::with_expansion(Drowsy(Counting::new()));
+    // So many that neither scheme is taken for being quick.
+    let builder = || Fmm::with_expansion(Drowsy(Counting::new())).applications(1000);
     // Forecasts are in pairs, so that their ratio is none of measured times.
     let forecast = builder().estimate(&points, &points).unwrap();
     let ratio = forecast.direct_seconds / forecast.apply_seconds();

@@ -258,18 +258,21 @@ fn bad_input_gets_an_error_that_names_it() {
 }
 
 #[test]
-fn a_tolerance_out_of_reach_is_refused_with_what_can_be_reached() {
+fn what_expansions_cannot_reach_is_summed_directly_and_what_no_sum_can_is_refused() {
     let points = clouds::cube(4000, 1);
     let kernel = plain(|x, y| (20.0 * x.distance(y)).cos());
     let build = |tolerance| {
         Fmm::builder(kernel).tolerance(tolerance).leaf_size(400).build(&points, &points)
     };
-    let Err(Error::UnreachableTolerance { requested, reachable }) = build(1e-13) else {
-        panic!("a wave of many periods per cell can't be interpolated to 1e-13");
+    let fmm = build(1e-13).unwrap();
+    let stats = fmm.report().stats;
+    assert_eq!(stats.scheme, Scheme::Direct);
+    assert!(stats.fallback.is_some_and(|why| why.contains("1e-13")), "a wave of many periods");
+    assert_eq!(build(1e-2).unwrap().report().stats.scheme, Scheme::Fmm);
+    let Err(Error::UnreachableTolerance { requested, reachable }) = build(1e-16) else {
+        panic!("direct sums round as well");
     };
-    assert_eq!(requested, 1e-13);
-    assert!(reachable > requested && reachable < 1e-4, "{reachable:e}");
-    assert!(build(1e-2).is_ok());
+    assert!(requested == 1e-16 && reachable > requested && reachable < 1e-4, "{reachable:e}");
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! Integration tests: everything is held against direct summation, target by target.
 
+mod any_kernel;
 mod certificate;
 mod choice;
 mod engine;
