@@ -22,7 +22,8 @@ use crate::plan::forecast::Forecast;
 use crate::plan::pair_time::pair_seconds;
 use crate::plan::times::{BuildTimes, Clock, Phase, Progress};
 use crate::plan::tuning::{
-    ASKED_SECONDS, ASKED_SUMS, BARGAIN, DIRECT_DIGITS, DOUBT, SET_UP_SECONDS, SHOWN_POINTS,
+    ASKED_PAIR_SECONDS, ASKED_SECONDS, ASKED_SUMS, BARGAIN, DIRECT_DIGITS, DOUBT, SET_UP_SECONDS,
+    SHOWN_POINTS,
 };
 use crate::plan::{Plan, Scheme, levels};
 
@@ -266,22 +267,21 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
         sources: &[SourceOf<E>],
         targets: &[TargetOf<E>],
     ) -> (f64, f64) {
-        let pair_seconds = self.pair_seconds(sources, targets);
         if self.choices.masked {
-            return (f64::INFINITY, pair_seconds);
+            return (f64::INFINITY, ASKED_PAIR_SECONDS);
         }
-        let pairs = sources.len() as f64 * targets.len() as f64;
-        let most = match estimate {
-            // What direct sums would take, but for what the applications do.
-            Some(estimate) => {
-                let threads = rayon::current_num_threads() as f64;
-                let applications = self.choices.applications as f64;
-                let direct = BARGAIN * estimate.direct_seconds - estimate.apply_seconds();
-                threads * (applications * direct.max(0.0) + SET_UP_SECONDS)
-            }
-            None => ASKED_SECONDS + ASKED_SUMS * pairs * pair_seconds,
+        let chosen = self.choices.scheme.is_none() && self.choices.leaf_size.is_none();
+        let Some(estimate) = estimate.filter(|_| chosen) else {
+            // Nothing that is measured decides whether what was asked for is done.
+            let pairs = sources.len() as f64 * targets.len() as f64;
+            let most = ASKED_SECONDS + ASKED_SUMS * pairs * ASKED_PAIR_SECONDS;
+            return (most, ASKED_PAIR_SECONDS);
         };
-        (most, pair_seconds)
+        // What direct sums would take, but for what the applications do.
+        let (threads, applications) = (rayon::current_num_threads(), self.choices.applications);
+        let saved = (BARGAIN * estimate.direct_seconds - estimate.apply_seconds()).max(0.0);
+        let most = threads as f64 * (applications as f64 * saved + SET_UP_SECONDS);
+        (most, self.pair_seconds(sources, targets))
     }
 
     /// Whether direct sums can do what an expansion refuses. Asking a mask for every pair is another matter.

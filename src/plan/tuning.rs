@@ -11,9 +11,11 @@ pub(crate) const BARGAIN: f64 = 1.2;
 /// Seconds of set-up that are never too many.
 pub(crate) const SET_UP_SECONDS: f64 = 0.01;
 
-/// Where an expansion is asked for, set-up may take so many seconds of one core, and so many direct sums.
-pub(crate) const ASKED_SECONDS: f64 = 20.0;
+/// Where an expansion is asked for, set-up may take so many seconds of one core, and so many direct sums at
+/// this nominal time of a pair.
+pub(crate) const ASKED_SECONDS: f64 = 30.0;
 pub(crate) const ASKED_SUMS: f64 = 10.0;
+pub(crate) const ASKED_PAIR_SECONDS: f64 = 2e-9;
 
 /// The relative error of direct sums, in units of rounding.
 pub(crate) const DIRECT_DIGITS: f64 = 16.0;
