@@ -70,7 +70,9 @@ impl<S: Scalar> Request<'_, S> {
             let rank = targets.rank(cut);
             let [evaluations, multiply_adds] =
                 operator_costs(self.kernel, self.rule.len(), rank, parities.is_some());
-            self.kernel.afford(evaluations, 0.0)?;
+            // The first attempt is seldom the last.
+            let attempts = if attempt == 0 { 2.0 } else { 1.0 };
+            self.kernel.afford(attempts * evaluations, attempts * multiply_adds)?;
             self.kernel.spend(multiply_adds)?;
             let target = Arc::new(targets.basis(cut, self.rule));
             let source = match &sources {

@@ -154,6 +154,35 @@ fn sizes_that_don_t_belong_together_are_refused() {
     assert_eq!(refused, EmptyKernel { fields: 0, densities: 0 });
 }
 
+/// A kernel of one field whose value has three numbers.
+struct Misfit;
+
+impl Kernel for Misfit {
+    type Real = f64;
+    type Source = DVec3;
+    type Target = DVec3;
+    type Charge = f64;
+    type Value = [f64; 3];
+    type Entry = f64;
+
+    fn entries(&self, x: DVec3, y: DVec3, g: &mut [f64]) {
+        g[0] = x.distance(y);
+    }
+}
+
+#[test]
+fn a_value_of_another_length_is_no_number() {
+    let at = [DVec3::X, DVec3::Y];
+    let sums = direct(&Misfit, &at, &[1.0; 2], &at).unwrap();
+    assert!(sums.as_flattened().iter().all(|number| number.is_nan()), "{sums:?}");
+    let fmm = Fmm::builder(Misfit).order(3).build(&at, &at).unwrap();
+    let refused = fmm.apply(&[1.0; 2]);
+    assert!(
+        matches!(refused, Err(farfield::Error::NonFiniteValue { index: 0, .. })),
+        "{refused:?}"
+    );
+}
+
 #[test]
 fn no_columns_have_no_sums() {
     let (points, _) = cloud();
