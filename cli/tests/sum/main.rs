@@ -231,7 +231,7 @@ fn the_report_tells_what_was_measured() {
     let potentials = values.iter().map(|row| row[0]).collect();
     let error = relative_l2_error(&third(potentials), &third(exact));
     let reported = report["relative_l2_error"].as_f64().unwrap();
-    assert!(error > 1e-10 && (reported / error - 1.0).abs() < 1e-3, "{reported:e}, {error:e}");
+    assert!(error > 1e-13 && (reported / error - 1.0).abs() < 1e-3, "{reported:e}, {error:e}");
 }
 
 #[test]
