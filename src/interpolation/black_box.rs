@@ -6,9 +6,9 @@ use crate::interpolation::chebyshev::Chebyshev;
 use crate::kernel::traits::Kernel;
 use crate::parallel::pool::Pool;
 
+use crate::interpolation::accuracy::Accuracy;
 use crate::interpolation::basis::Basis;
 use crate::interpolation::everywhere::Everywhere;
-use crate::interpolation::operators::Accuracy;
 use crate::interpolation::prepared::Prepared;
 use crate::interpolation::scratch::{Scratch, Shifted};
 

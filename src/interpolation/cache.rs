@@ -4,8 +4,9 @@ use std::any::Any;
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::sync::{Arc, Mutex};
 
+use crate::interpolation::accuracy::Accuracy;
 use crate::interpolation::entries::Entries;
-use crate::interpolation::operators::{Accuracy, Operators, Sizes};
+use crate::interpolation::operators::{Operators, Sizes};
 use crate::interpolation::tuning::CAPACITY;
 use crate::numbers::traits::{Real, Scalar};
 

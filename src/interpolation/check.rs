@@ -4,9 +4,11 @@ use crate::interpolation::basis::{Basis, product};
 use crate::interpolation::entries::{Entries, zero};
 use crate::interpolation::far_field::{products, slope_products};
 use crate::interpolation::level::{LevelOperators, Request};
-use crate::interpolation::means::{Means, corner, facing, interaction_offsets, is_nearest};
-use crate::interpolation::operators::{Slopes, largest};
+use crate::interpolation::means::{
+    Means, corner, facing, interaction_offsets, is_nearest, largest,
+};
 use crate::interpolation::probe::sample;
+use crate::interpolation::slopes::Slopes;
 use crate::interpolation::tuning::{CHECK_POINTS, CORNER_LEVELS, SLOPE_LEVELS};
 use crate::linalg::matrix::Matrix;
 use crate::numbers::traits::{Numbers, Point, Real, Scalar, Vector};

@@ -3,7 +3,7 @@
 use std::sync::OnceLock;
 use std::time::Instant;
 
-use crate::interpolation::operators::Accuracy;
+use crate::interpolation::accuracy::Accuracy;
 use crate::interpolation::tuning::{
     CELL_SECONDS, MOVE_SECONDS, OTHER_SHARE, SINGLE_DIGITS, SORT_SECONDS,
 };

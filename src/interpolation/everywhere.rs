@@ -5,11 +5,13 @@ use num_traits::Float;
 
 use crate::error::Error;
 use crate::expansion::{Geometry, Level};
+use crate::interpolation::accuracy::Accuracy;
 use crate::interpolation::basis::Basis;
 use crate::interpolation::chebyshev::Chebyshev;
 use crate::interpolation::entries::{Entries, PointOf, zero};
 use crate::interpolation::far_field::{products, slope_products};
-use crate::interpolation::operators::{Accuracy, fewest_nodes, largest};
+use crate::interpolation::means::largest;
+use crate::interpolation::operators::fewest_nodes;
 use crate::interpolation::probe::{power_of_two, sample};
 use crate::interpolation::tuning::PLACED_PAIRS;
 use crate::numbers::traits::{Numbers, Point, Real, Scalar, Vector};

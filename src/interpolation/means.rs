@@ -78,6 +78,12 @@ impl Means {
     }
 }
 
+/// The largest of some numbers, 0 if there are none; NaN if one of them is.
+pub(crate) fn largest(numbers: impl IntoIterator<Item = f64>) -> f64 {
+    let larger = |a: f64, b: f64| if b > a || b.is_nan() { b } else { a };
+    numbers.into_iter().fold(0.0, larger)
+}
+
 /// Whether a cell counts as one of the nearest: those within √5 cells.
 pub(crate) fn is_nearest(offset: [i32; 3]) -> bool {
     offset.iter().map(|o| o * o).sum::<i32>() <= 5

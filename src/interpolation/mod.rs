@@ -1,5 +1,6 @@
 //! The black-box expansion of any point kernel: interpolation, compressed to numerical rank.
 
+pub(crate) mod accuracy;
 pub(crate) mod bases;
 pub(crate) mod basis;
 pub(crate) mod black_box;
@@ -27,6 +28,7 @@ pub(crate) mod probe;
 pub(crate) mod ranges;
 pub(crate) mod scratch;
 pub(crate) mod shifts;
+pub(crate) mod slopes;
 pub(crate) mod transfer;
 pub(crate) mod tuning;
 pub(crate) mod work;

@@ -3,31 +3,24 @@
 use num_traits::Float;
 
 use crate::error::Error;
+use crate::interpolation::accuracy::Accuracy;
 use crate::interpolation::basis::{adjoint, product, spectrum_costs};
 use crate::interpolation::budget::{
     ACCEPTED_LEVEL_SHARE, ACCEPTED_SHARE, INTERPOLATION_SHARE, LIMITING_SHARE,
-    ORDER_TRUNCATION_SHARE, SAFE_SHARE, SLOPE_WEIGHT,
+    ORDER_TRUNCATION_SHARE, SAFE_SHARE,
 };
 use crate::interpolation::chebyshev::Chebyshev;
 use crate::interpolation::cost;
 use crate::interpolation::entries::Entries;
 use crate::interpolation::far_field::{FarField, test_costs};
 use crate::interpolation::level::{LevelOperators, Request, operator_costs};
-use crate::interpolation::means::Means;
+use crate::interpolation::means::{Means, largest};
 use crate::interpolation::probe::{self};
+use crate::interpolation::slopes::Slopes;
 use crate::interpolation::tuning::{MAX_ORDER, MORE_ORDERS, WHOLE_DENSITY};
 use crate::linalg::matrix::Matrix;
 use crate::numbers::traits::{Real, Scalar};
 use crate::parallel;
-
-/// What decides how much is kept.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Accuracy {
-    /// The relative l2 error to stay below.
-    Tolerance(f64),
-    /// The number of nodes per axis; everything else is as accurate as it makes sense.
-    Order(usize),
-}
 
 /// The operators of a translation-invariant kernel.
 #[derive(Debug)]
@@ -63,37 +56,6 @@ impl<T: Real> Sizes<T> {
     pub(crate) fn far_field(&self, level: usize, reflected: bool) -> FarField<T> {
         let density = if reflected { 1 } else { WHOLE_DENSITY };
         FarField::new(self.half_widths[level], self.reaches[level], density)
-    }
-}
-
-/// The derivatives of a kernel in half-widths of a level's cells, and the size that their errors are
-/// relative to.
-pub(crate) struct Slopes<'a, S: Scalar> {
-    pub(crate) entries: Entries<'a, S>,
-    pub(crate) scale: Means,
-    /// What their errors are multiplied by.
-    pub(crate) weight: f64,
-}
-
-impl<'a, S: Scalar> Slopes<'a, S> {
-    fn new(slopes: &Entries<'a, S>, far: &FarField<S::Real>, homogeneous: bool) -> Self {
-        let entries = slopes.times(far.half_width());
-        let scale = far.size(&entries);
-        Self { entries, scale, weight: if homogeneous { 1.0 } else { SLOPE_WEIGHT } }
-    }
-}
-
-impl Accuracy {
-    pub(crate) fn check(self) -> Result<(), Error> {
-        match self {
-            Self::Order(found) if found == 0 || found > MAX_ORDER => {
-                Err(Error::InvalidOrder { min: 1, max: MAX_ORDER, found })
-            }
-            Self::Tolerance(found) if !(found > 0.0 && found < 1.0) => {
-                Err(Error::InvalidTolerance { found })
-            }
-            _ => Ok(()),
-        }
     }
 }
 
@@ -218,12 +180,6 @@ fn foretell<S: Scalar>(
         multiply_adds += sides * columns + products;
     }
     kernel.afford(evaluations, multiply_adds)
-}
-
-/// The largest of some numbers, 0 if there are none; NaN if one of them is.
-pub(crate) fn largest(numbers: impl IntoIterator<Item = f64>) -> f64 {
-    let larger = |a: f64, b: f64| if b > a || b.is_nan() { b } else { a };
-    numbers.into_iter().fold(0.0, larger)
 }
 
 fn shifts<S: Scalar>(rule: &Chebyshev<S::Real>, levels: &[LevelOperators<S>]) -> Vec<Shifts<S>> {

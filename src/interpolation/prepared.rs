@@ -6,11 +6,12 @@ use num_traits::Float;
 
 use crate::error::Error;
 use crate::expansion::Geometry;
+use crate::interpolation::accuracy::Accuracy;
 use crate::interpolation::cache::{self, KernelName, Key};
 use crate::interpolation::entries::Entries;
 use crate::interpolation::everywhere::Everywhere;
 use crate::interpolation::level::LevelOperators;
-use crate::interpolation::operators::{Accuracy, Operators, Sizes};
+use crate::interpolation::operators::{Operators, Sizes};
 use crate::interpolation::probe::{self};
 use crate::interpolation::transfer::Transfers;
 use crate::interpolation::tuning::{EXTENDED_BYTES, SAMPLED_REACH};

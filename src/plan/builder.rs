@@ -2,8 +2,6 @@
 
 use std::fmt;
 
-use num_traits::Float;
-
 use crate::dispatch_level::DispatchLevel;
 use crate::error::Error;
 use crate::expansion::costs::Costs;
@@ -13,18 +11,16 @@ use crate::interaction::traversal::{Far, Traversal};
 use crate::interpolation::black_box::Interpolation;
 use crate::kernel::mask::{Mask, Unmasked};
 use crate::kernel::traits::Kernel;
-use crate::numbers::traits::{Located, Point, Real};
+use crate::numbers::traits::{Located, Point};
 use crate::octree::trees::Trees;
 use crate::plan::choice::{Candidate, cheapest, correct};
+use crate::plan::choices::Choices;
 use crate::plan::estimate::Estimate;
 use crate::plan::fmm::Fmm;
 use crate::plan::forecast::Forecast;
 use crate::plan::pair_time::pair_seconds;
 use crate::plan::times::{BuildTimes, Clock, Phase, Progress};
-use crate::plan::tuning::{
-    ASKED_PAIR_SECONDS, ASKED_SECONDS, ASKED_SUMS, BARGAIN, DIRECT_DIGITS, DOUBT, SET_UP_SECONDS,
-    SHOWN_POINTS,
-};
+use crate::plan::tuning::{DOUBT, SET_UP_SECONDS, SHOWN_POINTS};
 use crate::plan::{Plan, Scheme, levels};
 
 impl<K: Kernel> Fmm<Interpolation<K>> {
@@ -47,30 +43,6 @@ pub struct Builder<'a, E, M> {
     expansion: E,
     mask: M,
     choices: Choices<'a>,
-}
-
-/// What is chosen besides expansion and mask.
-#[derive(Clone, Copy)]
-struct Choices<'a> {
-    scheme: Option<Scheme>,
-    leaf_size: Option<usize>,
-    masked: bool,
-    applications: usize,
-    memory_budget: Option<usize>,
-    progress: Option<&'a (dyn Fn(Progress) + Sync)>,
-}
-
-impl Default for Choices<'_> {
-    fn default() -> Self {
-        Self {
-            scheme: None,
-            leaf_size: None,
-            masked: false,
-            applications: 1,
-            memory_budget: None,
-            progress: None,
-        }
-    }
 }
 
 impl<K: Kernel, M> Builder<'_, Interpolation<K>, M> {
@@ -222,8 +194,10 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
 
             self.report(Phase::Operators, 0.0);
             let levels = levels(&lists, &trees.source_tree, &trees.target_tree, scheme);
-            let (most_seconds, pair_seconds) =
-                self.worth(estimate.as_ref(), &trees.sources, &trees.targets);
+            let pairs = trees.sources.len() as f64 * trees.targets.len() as f64;
+            let (most_seconds, pair_seconds) = self.choices.worth(estimate.as_ref(), pairs, || {
+                self.pair_seconds(&trees.sources, &trees.targets)
+            });
             let prepared = self.expansion.prepare(&Geometry {
                 most_seconds,
                 pair_seconds,
@@ -233,7 +207,10 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
             });
             clock.lap(&mut times.operators);
             match prepared {
-                Err(error) if scheme != Scheme::Direct && self.may_sum_directly(&error) => {
+                Err(error)
+                    if scheme != Scheme::Direct
+                        && self.choices.may_sum_directly::<RealOf<E>>(&error) =>
+                {
                     let scheme = Scheme::Direct;
                     let estimate = estimate.map(|_| self.estimate_of(scheme, &trees, times.tree));
                     candidates = vec![Candidate { scheme, estimate }];
@@ -258,42 +235,6 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
             }
             (self.expansion, trees) = plan.into_parts();
         }
-    }
-
-    /// Seconds of one core that the operators are worth, and that a pair takes.
-    fn worth(
-        &self,
-        estimate: Option<&Estimate>,
-        sources: &[SourceOf<E>],
-        targets: &[TargetOf<E>],
-    ) -> (f64, f64) {
-        if self.choices.masked {
-            return (f64::INFINITY, ASKED_PAIR_SECONDS);
-        }
-        let chosen = self.choices.scheme.is_none() && self.choices.leaf_size.is_none();
-        let Some(estimate) = estimate.filter(|_| chosen) else {
-            // Nothing that is measured decides whether what was asked for is done.
-            let pairs = sources.len() as f64 * targets.len() as f64;
-            let most = ASKED_SECONDS + ASKED_SUMS * pairs * ASKED_PAIR_SECONDS;
-            return (most, ASKED_PAIR_SECONDS);
-        };
-        // What direct sums would take, but for what the applications do.
-        let (threads, applications) = (rayon::current_num_threads(), self.choices.applications);
-        let saved = (BARGAIN * estimate.direct_seconds - estimate.apply_seconds()).max(0.0);
-        let most = threads as f64 * (applications as f64 * saved + SET_UP_SECONDS);
-        (most, self.pair_seconds(sources, targets))
-    }
-
-    /// Whether direct sums can do what an expansion refuses. Asking a mask for every pair is another matter.
-    fn may_sum_directly(&self, refusal: &Error) -> bool {
-        let within_reach = match refusal {
-            Error::OverWork { .. } | Error::NonFiniteKernel => true,
-            Error::UnreachableTolerance { requested, .. } => {
-                *requested >= DIRECT_DIGITS * RealOf::<E>::epsilon().as_f64()
-            }
-            _ => false,
-        };
-        within_reach && !self.choices.masked
     }
 
     /// The schemes that may be taken: the one that is given, or any.

@@ -2,6 +2,7 @@
 
 pub(crate) mod builder;
 pub(crate) mod choice;
+pub(crate) mod choices;
 pub(crate) mod estimate;
 pub(crate) mod fmm;
 pub(crate) mod forecast;
