@@ -58,6 +58,10 @@ fn main() -> ExitCode {
         for &(cloud, make) in CLOUDS.iter().filter(|(name, _)| named(&args.clouds, name)) {
             for &n in &args.points {
                 let case = Case::new(formula, make(n));
+                if !case.size.is_finite() {
+                    println!("{kernel:>16} {cloud:>6} {n:>7} has no finite sum");
+                    continue;
+                }
                 for &tolerance in &args.tolerances {
                     print!("{kernel:>16} {cloud:>6} {n:>7} {tolerance:>6.0e} ");
                     match case.measure(tolerance) {
