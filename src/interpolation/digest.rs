@@ -13,8 +13,9 @@ use crate::numbers::traits::{Point, Real, Scalar, Vector};
 use crate::parallel;
 
 impl<S: Scalar> Operators<S> {
-    /// A number that stands for all values of the kernel from which bases and M2L matrices were made and by
-    /// which they were checked. Another kernel with the same number has the same operators.
+    /// A number that stands for all values of the kernel from which bases and M2L matrices were made, and for
+    /// values between random points of all pairs of cells. Another kernel with the same number has the same
+    /// operators.
     pub(crate) fn digest(
         &self,
         kernel: &Entries<'_, S>,

@@ -15,7 +15,7 @@ use crate::interpolation::entries::Entries;
 use crate::interpolation::far_field::{FarField, test_costs};
 use crate::interpolation::level::{LevelOperators, Request, operator_costs};
 use crate::interpolation::means::{Means, largest};
-use crate::interpolation::probe::{self};
+use crate::interpolation::probe;
 use crate::interpolation::slopes::Slopes;
 use crate::interpolation::tuning::{MAX_ORDER, MORE_ORDERS, WHOLE_DENSITY};
 use crate::linalg::matrix::Matrix;
@@ -116,7 +116,7 @@ impl<S: Scalar> Operators<S> {
                 (order..=MAX_ORDER.min(order + MORE_ORDERS), requested, accepted, requested)
             }
         };
-        foretell(kernel, accuracy, *orders.start(), &fields)?;
+        foretell(kernel, accuracy, *orders.start(), sides, &fields)?;
         // The squares of the levels' errors add up.
         let levels = (fields.len() as f64).sqrt();
         let mut reachable = f64::INFINITY;
@@ -160,17 +160,18 @@ impl<S: Scalar> Operators<S> {
     }
 }
 
-/// Refuses operators of order `n` that can't be afforded, before they are begun.
+/// Refuses operators of order `n`, with so many sides of their own, that can't be afforded, before they are
+/// begun.
 fn foretell<S: Scalar>(
     kernel: &Entries<'_, S>,
     accuracy: Accuracy,
     n: usize,
+    sides: f64,
     fields: &[FarField<S::Real>],
 ) -> Result<(), Error> {
     let (mut evaluations, mut multiply_adds) = (0.0, 0.0);
     for far in fields {
         let parities = probe::parities(kernel, far.half_width());
-        let sides = if probe::symmetric(kernel, far.half_width()) { 1.0 } else { 2.0 };
         let parts = if parities.is_some() { 8.0 } else { 1.0 };
         let [samples, columns] = spectrum_costs(kernel, far, n, parts);
         // The rank of 1/r is that of a smooth kernel; others have more.

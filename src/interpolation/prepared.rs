@@ -12,7 +12,7 @@ use crate::interpolation::entries::Entries;
 use crate::interpolation::everywhere::Everywhere;
 use crate::interpolation::level::LevelOperators;
 use crate::interpolation::operators::{Operators, Sizes};
-use crate::interpolation::probe::{self};
+use crate::interpolation::probe;
 use crate::interpolation::transfer::Transfers;
 use crate::interpolation::tuning::{EXTENDED_BYTES, SAMPLED_REACH};
 use crate::linalg::matrix::Matrix;

@@ -269,7 +269,8 @@ mod tests {
                 // What is out of reach for steep kernels is met as far as it is offered.
                 let (expansion, tolerance) = match expansion {
                     Err(Error::UnreachableTolerance { requested, reachable }) => {
-                        assert!(E::LAMBDA > 0.5 && requested <= 1e-8, "{kernel:?}: {requested:e}");
+                        let least = if O::GRADIENT { 4e-8 } else { 4e-10 };
+                        assert!(E::LAMBDA > 0.5 && requested < reachable && reachable < least);
                         let offered = HarmonicExpansion::with_tolerance(kernel, reachable);
                         (offered.unwrap(), reachable)
                     }
