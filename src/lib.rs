@@ -62,10 +62,10 @@ pub use certificate::sampling::Sampling;
 pub use dispatch_level::{DispatchLevel, UnknownDispatchLevel, dispatch};
 pub use error::{Error, PointSet};
 pub use expansion::costs::Costs;
-pub use expansion::{
-    ChargeOf, Expansion, Geometry, Level, LevelFamilies, LevelPairs, OffsetMap, RealOf, SourceOf,
-    TargetOf, ValueOf,
-};
+pub use expansion::geometry::{Geometry, Level};
+pub use expansion::level_cells::{LevelFamilies, LevelPairs};
+pub use expansion::offset_map::OffsetMap;
+pub use expansion::{ChargeOf, Expansion, RealOf, SourceOf, TargetOf, ValueOf};
 pub use interpolation::black_box::Interpolation;
 pub use interpolation::tuning::MAX_ORDER;
 pub use kernel::closure::{FnGradient, FnKernel, from_fn};

@@ -2,7 +2,8 @@
 
 use crate::conformance::samples::Samples;
 use crate::conformance::violation::Violation;
-use crate::expansion::{ChargeOf, Expansion, Geometry, Level, RealOf, SourceOf, TargetOf};
+use crate::expansion::geometry::{Geometry, Level};
+use crate::expansion::{ChargeOf, Expansion, RealOf, SourceOf, TargetOf};
 use crate::kernel::direct::relative_l2_error;
 use crate::kernel::traits::{Kernel, Outcome, add_by_entries};
 use crate::numbers::traits::{Located, Numbers, Point, Real, Scalar, Vector};

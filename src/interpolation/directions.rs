@@ -14,7 +14,7 @@ use std::ops::Range;
 
 use num_traits::Float;
 
-use crate::expansion::OffsetMap;
+use crate::expansion::offset_map::OffsetMap;
 use crate::interpolation::bases::Bases;
 use crate::interpolation::basis::{Basis, adjoint};
 use crate::interpolation::budget::{ROUNDING_SHARE, SINGLE_ROUNDING};

@@ -4,7 +4,7 @@
 use num_traits::Float;
 
 use crate::error::Error;
-use crate::expansion::{Geometry, Level};
+use crate::expansion::geometry::{Geometry, Level};
 use crate::interpolation::accuracy::Accuracy;
 use crate::interpolation::basis::Basis;
 use crate::interpolation::chebyshev::Chebyshev;

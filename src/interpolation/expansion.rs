@@ -5,8 +5,10 @@ use std::any::type_name;
 use num_traits::Float;
 
 use crate::error::Error;
+use crate::expansion::Expansion;
 use crate::expansion::costs::Costs;
-use crate::expansion::{Expansion, Geometry, LevelFamilies, LevelPairs};
+use crate::expansion::geometry::Geometry;
+use crate::expansion::level_cells::{LevelFamilies, LevelPairs};
 use crate::interpolation::accuracy::Accuracy;
 use crate::interpolation::black_box::Interpolation;
 use crate::interpolation::budget::PAIR_SHARE;

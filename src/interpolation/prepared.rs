@@ -5,7 +5,7 @@ use std::sync::Arc;
 use num_traits::Float;
 
 use crate::error::Error;
-use crate::expansion::Geometry;
+use crate::expansion::geometry::Geometry;
 use crate::interpolation::accuracy::Accuracy;
 use crate::interpolation::cache::{self, KernelName, Key};
 use crate::interpolation::entries::Entries;

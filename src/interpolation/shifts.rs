@@ -1,6 +1,7 @@
 //! M2M and L2L of many cells at once: one matrix product per matrix, whatever the number of cells.
 
-use crate::expansion::{Expansion, LevelFamilies};
+use crate::expansion::Expansion;
+use crate::expansion::level_cells::LevelFamilies;
 use crate::interpolation::black_box::Interpolation;
 use crate::interpolation::entries::zero;
 use crate::interpolation::prepared::{Invariant, Prepared};

@@ -5,7 +5,8 @@ use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use num_traits::Float;
 use rayon::prelude::*;
 
-use crate::expansion::{LevelPairs, OffsetMap};
+use crate::expansion::level_cells::LevelPairs;
+use crate::expansion::offset_map::OffsetMap;
 use crate::interpolation::bases::Bases;
 use crate::interpolation::directions::{Digits, Place, directions};
 use crate::interpolation::entries::{Entries, zero};

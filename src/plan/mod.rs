@@ -21,7 +21,8 @@ use std::sync::atomic::AtomicBool;
 
 use rayon::prelude::*;
 
-use crate::expansion::{ChargeOf, Expansion, Level, RealOf, SourceOf, TargetOf, ValueOf};
+use crate::expansion::geometry::Level;
+use crate::expansion::{ChargeOf, Expansion, RealOf, SourceOf, TargetOf, ValueOf};
 use crate::interaction::lists::{ListCosts, Lists};
 use crate::numbers::traits::{Numbers, Real};
 use crate::octree::geometry::Cube;

@@ -6,7 +6,8 @@
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
-use crate::expansion::{ChargeOf, Expansion, LevelFamilies, LevelPairs, TargetOf, ValueOf};
+use crate::expansion::level_cells::{LevelFamilies, LevelPairs};
+use crate::expansion::{ChargeOf, Expansion, TargetOf, ValueOf};
 use crate::kernel::traits::{Kernel, Outcome};
 use crate::numbers::traits::Numbers;
 use crate::octree::shape::Shape;
