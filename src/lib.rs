@@ -62,7 +62,7 @@ pub use certificate::sampling::Sampling;
 pub use dispatch_level::{DispatchLevel, UnknownDispatchLevel, dispatch};
 pub use error::{Error, PointSet};
 pub use expansion::costs::Costs;
-pub use expansion::geometry::{Geometry, Level};
+pub use expansion::geometry::{Geometry, Level, Strength};
 pub use expansion::level_cells::{LevelFamilies, LevelPairs};
 pub use expansion::offset_map::OffsetMap;
 pub use expansion::{ChargeOf, Expansion, RealOf, SourceOf, TargetOf, ValueOf};

@@ -104,11 +104,13 @@ impl<E: Expansion> Fmm<E> {
     ) -> Result<(Vec<ValueOf<E>>, Certificate), Error> {
         sampling.check()?;
         self.check_charges(charges)?;
-        self.with_workspace(|workspace| {
-            let far = self.plan.run_parted(charges, workspace);
-            let values = self.plan.in_callers_order(workspace);
+        let ready = self.plan_for(charges);
+        let plan = &ready.plan;
+        ready.with_workspace(|workspace| {
+            let far = plan.run_parted(charges, workspace);
+            let values = plan.in_callers_order(workspace);
             check_values(&values)?;
-            let reference = Reference { plan: &self.plan, charges: &workspace.charges };
+            let reference = Reference { plan, charges: &workspace.charges };
             let sample = Sample::new(reference, &workspace.values, &far);
             Ok((values, sample.certificate(sampling)?))
         })

@@ -35,13 +35,39 @@ pub struct Level<T: Real> {
     pub offsets: Vec<[i32; 3]>,
     /// The number of its M2L pairs.
     pub pairs: usize,
+    /// How strongly its pairs of points act; none where that is not known. Errors are then best taken relative
+    /// to the pairs themselves.
+    pub values: Option<Strength>,
+    /// Likewise the derivatives of the kernel with respect to the target, where the kernel
+    /// [needs them](crate::Kernel::needs_gradients).
+    pub slopes: Option<Strength>,
+}
+
+/// How strongly the pairs of points act that meet through a level, beside the sums that they are part of.
+///
+/// A relative tolerance ε speaks of whole sums, near field included. Where little of them comes through a level,
+/// its pairs may be off by more than ε of what they carry; where the level holds weak pairs only, by less than ε
+/// of what others of their size carry. The engine measures both at some targets: for charges of like size,
+/// of either sign and of one sign, or for the very charges of a sum.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Strength {
+    /// The root mean square of |G| over these pairs; 0 if none was met.
+    pub pair: f64,
+    /// How many cells share what a target receives: with few, errors do not average out.
+    pub cells: f64,
+    /// What errors of these pairs may be taken relative to: if all pairs of L levels are off by ε·`size`/√L, then
+    /// sums are off by ε. Infinite if none was met.
+    pub size: f64,
+    /// The same if pairs that meet at coarser levels are off as well: their terms pass through cells of this
+    /// level.
+    pub through: f64,
 }
 
 impl<T: Real> Level<T> {
     /// A level of cells of that half-width, with one M2L pair at each of these offsets.
     pub fn new(level: usize, half_width: T, offsets: Vec<[i32; 3]>) -> Self {
         let pairs = offsets.len();
-        Self { level, half_width, offsets, pairs }
+        Self { level, half_width, offsets, pairs, values: None, slopes: None }
     }
 }
 

@@ -59,6 +59,22 @@ pub trait Expansion: Send + Sync {
         Ok(())
     }
 
+    /// The same expansion, not prepared, if it heeds [`Strength`]: the engine prepares it again for charges
+    /// under which pairs may be off by less. By default none, and strengths are not measured.
+    fn again(&self) -> Option<Self>
+    where
+        Self: Sized,
+    {
+        None
+    }
+
+    /// What the errors of a pair at `level` were taken relative to when the expansion was prepared: of values,
+    /// and of derivatives. Half of what the engine measures for some charges, or less, has it prepare the
+    /// expansion [again](Self::again).
+    fn pair_sizes(&self, _level: usize) -> [f64; 2] {
+        [0.0; 2]
+    }
+
     /// What the operators cost at cells of `level`, and how exact pairs have to be. Also asked before
     /// [`prepare`](Self::prepare), of level 2.
     fn costs(&self, level: usize) -> Costs {

@@ -4,7 +4,7 @@ use crate::interaction::grouped::Grouped;
 use crate::octree::shape::{Node, Shape};
 
 /// The four lists, each grouped by target cell.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Lists {
     /// Source cells of the same level, well separated.
     pub(crate) m2l: Grouped<u32>,

@@ -88,6 +88,11 @@ impl<T: Real> Traversal<'_, T> {
         Ok(lists)
     }
 
+    /// The lists of a mask that lets every pair count.
+    pub(crate) fn unmasked(&self) -> Lists {
+        self.run().0
+    }
+
     /// The lists, with the runs that are partly masked.
     fn run(&self) -> (Lists, Vec<PartialPair>) {
         let shape = &self.targets.shape;

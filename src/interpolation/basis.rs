@@ -15,6 +15,7 @@ use crate::interpolation::entries::{Entries, zero};
 use crate::interpolation::far_field::FarField;
 use crate::interpolation::lanes::{Padded, row};
 use crate::interpolation::means::INTERACTION_OFFSETS;
+use crate::interpolation::scale::Scale;
 use crate::linalg::dense::{Dense, Svd};
 use crate::linalg::matrix::Matrix;
 use crate::numbers::traits::{Point, Real, Scalar};
@@ -86,13 +87,13 @@ impl<S: Scalar> Spectrum<S> {
         component_parities: Option<&[u8]>,
         far: &FarField<S::Real>,
         rule: &Chebyshev<S::Real>,
-        size: f64,
+        scale: Scale,
     ) -> Result<Self, Error> {
         let n = rule.len();
         let parts = if component_parities.is_some() { 8.0 } else { 1.0 };
         let [evaluations, decomposition] = spectrum_costs(kernel, far, n, parts);
         kernel.afford(evaluations, decomposition)?;
-        let columns = far.columns(kernel, rule, size);
+        let columns = far.columns(kernel, rule, scale);
         kernel.spend(decomposition)?;
         let parity_of = |k: usize| {
             let Some(parities) = component_parities else { return 0 };

@@ -1,6 +1,7 @@
 //! Interpolation of any kernel: what is asked for, and what is prepared.
 
 use std::fmt;
+use std::sync::Arc;
 
 use crate::interpolation::chebyshev::Chebyshev;
 use crate::kernel::traits::Kernel;
@@ -29,7 +30,7 @@ use crate::interpolation::scratch::{Scratch, Shifted};
 /// With rank r per cell and k per direction, M2L costs O(k²) multiply-adds per pair of cells and O(r k)
 /// per cell and direction, as matrix products; P2M and L2P cost O(n³) per point for n nodes per axis.
 pub struct Interpolation<K: Kernel> {
-    pub(super) kernel: K,
+    pub(super) kernel: Arc<K>,
     pub(super) accuracy: Accuracy,
     pub(super) prepared: Prepared<K::Entry>,
     pub(super) scratch: Pool<Scratch<K>>,
@@ -39,10 +40,15 @@ pub struct Interpolation<K: Kernel> {
 impl<K: Kernel> Interpolation<K> {
     /// Expands `kernel` to a relative l2 error of 1e-6.
     pub fn new(kernel: K) -> Self {
+        Self::of(Arc::new(kernel), Accuracy::Tolerance(1e-6))
+    }
+
+    /// Not prepared.
+    pub(super) fn of(kernel: Arc<K>, accuracy: Accuracy) -> Self {
         let everywhere = Everywhere::with_order(1, kernel.fields(), kernel.densities());
         Self {
             kernel,
-            accuracy: Accuracy::Tolerance(1e-6),
+            accuracy,
             prepared: Prepared::Everywhere(Box::new(everywhere)),
             scratch: Pool::default(),
             shifted: Pool::default(),

@@ -7,6 +7,7 @@ use std::sync::{Arc, Mutex};
 use crate::interpolation::accuracy::Accuracy;
 use crate::interpolation::entries::Entries;
 use crate::interpolation::operators::{Operators, Sizes};
+use crate::interpolation::scale::Scale;
 use crate::interpolation::tuning::CAPACITY;
 use crate::numbers::traits::{Real, Scalar};
 
@@ -53,6 +54,8 @@ impl Key {
         let mut hasher = DefaultHasher::new();
         for (level, reach) in sizes.reaches.iter().enumerate() {
             reach.to_bits().hash(&mut hasher);
+            let scales = [sizes.scales.get(level), sizes.slope_scales.get(level)];
+            scales.map(|scale| scale.map(Scale::key)).hash(&mut hasher);
             sizes.far_field(level, true).for_each_entry(kernel, |entry: S| {
                 entry.parts().map(|part| part.as_f64().to_bits()).hash(&mut hasher);
             });

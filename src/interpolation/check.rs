@@ -8,6 +8,7 @@ use crate::interpolation::means::{
     Means, corner, facing, interaction_offsets, is_nearest, largest,
 };
 use crate::interpolation::probe::sample;
+use crate::interpolation::scale::Scale;
 use crate::interpolation::slopes::Slopes;
 use crate::interpolation::tuning::{CHECK_POINTS, CORNER_LEVELS, SLOPE_LEVELS};
 use crate::linalg::matrix::Matrix;
@@ -31,7 +32,7 @@ impl<S: Scalar> Request<'_, S> {
         &self,
         level: &LevelOperators<S>,
         exact: &Entries<'_, S>,
-        scale: Means,
+        scale: Scale,
         slopes: bool,
     ) -> f64 {
         let [from, to] = [&level.bases.source, &level.bases.target];
@@ -47,7 +48,7 @@ impl<S: Scalar> Request<'_, S> {
         let levels = if slopes { SLOPE_LEVELS } else { 1 };
         let anywhere = both([1000, 1000 + CHECK_POINTS].map(random), levels);
         let corners = || (0..8).map(corner::<S::Real>).collect();
-        let corners = scale.grows().then(|| both([corners(), corners()], CORNER_LEVELS));
+        let corners = (scale.corners > 0.0).then(|| both([corners(), corners()], CORNER_LEVELS));
         let offsets: Vec<[i32; 3]> = interaction_offsets().collect();
         let errors: Vec<[f64; 2]> = parallel::map(offsets.len(), &|i| {
             let error = self.squared_error(level, exact, offsets[i], &anywhere, 0..CHECK_POINTS);
@@ -57,7 +58,7 @@ impl<S: Scalar> Request<'_, S> {
             });
             [error, corners.unwrap_or(0.0)]
         });
-        Means::of(errors).relative_to(scale)
+        scale.relative(Means::of(errors))
     }
 
     /// Points of a cell, with their moments, or with those of derivatives along the three axes: if all

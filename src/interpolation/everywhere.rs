@@ -4,7 +4,7 @@
 use num_traits::Float;
 
 use crate::error::Error;
-use crate::expansion::geometry::{Geometry, Level};
+use crate::expansion::geometry::{Geometry, Level, Strength};
 use crate::interpolation::accuracy::Accuracy;
 use crate::interpolation::basis::Basis;
 use crate::interpolation::chebyshev::Chebyshev;
@@ -14,7 +14,7 @@ use crate::interpolation::means::largest;
 use crate::interpolation::operators::fewest_nodes;
 use crate::interpolation::probe::{power_of_two, sample};
 use crate::interpolation::tuning::PLACED_PAIRS;
-use crate::numbers::traits::{Numbers, Point, Real, Scalar, Vector};
+use crate::numbers::traits::{Numbers, Point, Real, Scalar, Vector, l2_norm};
 use crate::octree::geometry::Cube;
 use crate::parallel;
 
@@ -23,13 +23,15 @@ pub(crate) struct Everywhere<S: Scalar> {
     pub(crate) rule: Chebyshev<S::Real>,
     pub(crate) source: Basis<S>,
     pub(crate) target: Basis<S>,
+    /// What errors of a pair's values and derivatives are relative to, level by level from the root.
+    pub(crate) pair_sizes: Vec<[f64; 2]>,
 }
 
 impl<S: Scalar> Everywhere<S> {
     pub(crate) fn with_order(n: usize, fields: usize, densities: usize) -> Self {
         let rule = Chebyshev::new(n);
         let (source, target) = (Basis::full(&rule, densities), Basis::full(&rule, fields));
-        Self { rule, source, target }
+        Self { rule, source, target, pair_sizes: Vec::new() }
     }
 
     /// The order is the smallest that serves between points of the sums themselves: what the kernel does
@@ -54,10 +56,28 @@ impl<S: Scalar> Everywhere<S> {
             // Every application evaluates the kernel between all nodes.
             kernel.afford(m2l_pairs as f64 * n.pow(6) as f64, 0.0)
         };
+        // By how much each level's errors count in whole sums.
+        let weight = |strength: Option<Strength>| strength.map_or(1.0, |own| own.pair / own.size);
+        let weights = |level: &Level<_>| [level.values, level.slopes].map(weight);
+        let weights: Vec<[f64; 2]> = geometry.levels.iter().map(weights).collect();
         let rule = fewest_nodes(requested, afford, |rule| {
-            largest(levels.iter().map(|pairs| relative_error(kernel, slopes, rule, pairs)))
+            let errors = |pairs: &Vec<_>| relative_errors(kernel, slopes, rule, pairs);
+            let errors: Vec<[f64; 2]> = levels.iter().map(errors).collect();
+            let total = |part: usize| {
+                l2_norm(
+                    errors.iter().zip(&weights).map(|(error, weight)| error[part] * weight[part]),
+                )
+            };
+            largest([total(0), total(1)])
         })?;
-        Ok(Self::with_order(rule.len(), kernel.fields, kernel.densities))
+        let mut everywhere = Self::with_order(rule.len(), kernel.fields, kernel.densities);
+        let total = [0, 1].map(|part| l2_norm(weights.iter().map(|weight| weight[part])));
+        for level in &geometry.levels {
+            everywhere.pair_sizes.resize(level.level + 1, [0.0; 2]);
+            let pairs = [level.values, level.slopes].map(|own| own.map_or(0.0, |own| own.pair));
+            everywhere.pair_sizes[level.level] = [pairs[0] / total[0], pairs[1] / total[1]];
+        }
+        Ok(everywhere)
     }
 }
 
@@ -132,14 +152,14 @@ fn meet(a: [f64; 3], b: [f64; 3]) -> bool {
     largest(a, b) > 1.0 && largest(parent(a), parent(b)) <= 1.0
 }
 
-/// The error of interpolating on either side of all pairs, relative to their size: the larger one of that
-/// of values and of derivatives.
-fn relative_error<S: Scalar>(
+/// The errors of interpolating on either side of all pairs, relative to their size: that of values and that of
+/// derivatives.
+fn relative_errors<S: Scalar>(
     kernel: &Entries<'_, S>,
     slopes: Option<&Entries<'_, S>>,
     rule: &Chebyshev<S::Real>,
     pairs: &[Placed<S>],
-) -> f64 {
+) -> [f64; 2] {
     // No square leaves the range of numbers.
     let all = pairs.iter().flat_map(|pair| pair.exact.iter().chain(&pair.slopes));
     let parts = all.flat_map(|entry| entry.parts()).map(Float::abs);
@@ -174,8 +194,7 @@ fn relative_error<S: Scalar>(
         let size: f64 = pairs.iter().map(|pair| squares(of(pair))).sum();
         if error == 0.0 { 0.0 } else { (error / size).sqrt() }
     };
-    let slopes = relative(1, |pair| &pair.slopes);
-    largest([relative(0, |pair| &pair.exact), slopes])
+    [relative(0, |pair| &pair.exact), relative(1, |pair| &pair.slopes)]
 }
 
 /// The squared error of interpolating the field of y between the nodes of a cell, for each row of weights

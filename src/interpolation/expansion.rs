@@ -1,8 +1,7 @@
 //! The operators of interpolation, as the engine calls them.
 
 use std::any::type_name;
-
-use num_traits::Float;
+use std::sync::Arc;
 
 use crate::error::Error;
 use crate::expansion::Expansion;
@@ -14,12 +13,13 @@ use crate::interpolation::black_box::Interpolation;
 use crate::interpolation::budget::PAIR_SHARE;
 use crate::interpolation::cache::KernelName;
 use crate::interpolation::cost;
-use crate::interpolation::entries::{Entries, zero};
+use crate::interpolation::entries::Entries;
 use crate::interpolation::prepared::Prepared;
 use crate::interpolation::tuning::ENTRY_PAIRS;
 use crate::interpolation::work::Work;
+use crate::kernel::slopes::write_slopes;
 use crate::kernel::traits::{Kernel, Outcome};
-use crate::numbers::traits::{Point, Real, Scalar, Vector};
+use crate::numbers::traits::{Point, Real};
 use crate::octree::geometry::Cell;
 use crate::parallel::pool::Pool;
 
@@ -42,7 +42,7 @@ impl<K: Kernel> Expansion for Interpolation<K> {
 
     fn prepare(&mut self, geometry: &Geometry<K::Real>) -> Result<(), Error> {
         self.accuracy.check()?;
-        let kernel = &self.kernel;
+        let kernel = &*self.kernel;
         let block = |xs: &[Point<K::Real>], ys: &[Point<K::Real>], g: &mut [K::Entry]| {
             kernel.entries_block(xs, ys, g);
         };
@@ -65,6 +65,19 @@ impl<K: Kernel> Expansion for Interpolation<K> {
         self.prepared = Prepared::new(name, &entries, slopes, self.accuracy, geometry)?;
         self.scratch = Pool::default();
         Ok(())
+    }
+
+    fn again(&self) -> Option<Self> {
+        // A given order is the same for all charges.
+        let by_tolerance = matches!(self.accuracy, Accuracy::Tolerance(_));
+        by_tolerance.then(|| Self::of(Arc::clone(&self.kernel), self.accuracy))
+    }
+
+    fn pair_sizes(&self, level: usize) -> [f64; 2] {
+        match &self.prepared {
+            Prepared::Everywhere(own) => own.pair_sizes.get(level).copied().unwrap_or_default(),
+            Prepared::Invariant(invariant) => invariant.pair_sizes(level),
+        }
     }
 
     fn costs(&self, level: usize) -> Costs {
@@ -200,53 +213,5 @@ impl<K: Kernel> Expansion for Interpolation<K> {
     ) -> Outcome {
         self.p2l_by_kernel(cell, sources, charges, local);
         Outcome::Done
-    }
-}
-
-/// Writes ∂G/∂x for all pairs of a block: as the entries, with three rows for each field. What a kernel
-/// declines to say is taken from differences.
-fn write_slopes<K: Kernel>(
-    kernel: &K,
-    xs: &[Point<K::Real>],
-    ys: &[Point<K::Real>],
-    g: &mut [K::Entry],
-) {
-    let (fields, densities) = (kernel.fields(), kernel.densities());
-    let mut slopes = vec![[zero::<K::Entry>(); 3]; fields * densities];
-    let pairs = xs.iter().flat_map(|x| ys.iter().map(move |y| (*x, *y)));
-    for ((x, y), g) in pairs.zip(g.chunks_exact_mut(3 * fields * densities)) {
-        if kernel.entry_gradients(x, y, &mut slopes) == Outcome::Declined {
-            differences(kernel, x, y, &mut slopes);
-        }
-        for (k, slope) in slopes.iter().enumerate() {
-            let (field, density) = (k / densities, k % densities);
-            for (axis, &part) in slope.iter().enumerate() {
-                g[(3 * field + axis) * densities + density] = part;
-            }
-        }
-    }
-}
-
-/// Derivatives to about ε^⅔, by central differences.
-fn differences<K: Kernel>(
-    kernel: &K,
-    x: Point<K::Real>,
-    y: Point<K::Real>,
-    slopes: &mut [[K::Entry; 3]],
-) {
-    let [dx, dy, dz] = (x - y).to_array();
-    let step = (dx * dx + dy * dy + dz * dz).sqrt() * K::Real::epsilon().cbrt();
-    let mut sides = vec![zero::<K::Entry>(); 2 * slopes.len()];
-    for axis in 0..3 {
-        let mut along = [K::Real::from_f64(0.0); 3];
-        along[axis] = step;
-        let along = Point::<K::Real>::from_array(along);
-        let (before, after) = sides.split_at_mut(slopes.len());
-        kernel.entries(x - along, y, before);
-        kernel.entries(x + along, y, after);
-        let per_length = K::Entry::from_real((step + step).recip());
-        for (slope, (&a, &b)) in slopes.iter_mut().zip(before.iter().zip(&*after)) {
-            slope[axis] = (b - a) * per_length;
-        }
     }
 }

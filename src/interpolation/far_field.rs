@@ -9,6 +9,7 @@ use crate::interpolation::means::{
     INTERACTION_OFFSETS, Means, corner, facing, interaction_offsets, is_nearest, weight,
 };
 use crate::interpolation::probe::sample;
+use crate::interpolation::scale::Scale;
 use crate::interpolation::tuning::{
     PER_NEAR_OFFSET, PER_OFFSET, PER_SHELL, SHELL_WEIGHT, TEST_SOURCES, TEST_TARGETS,
 };
@@ -78,8 +79,7 @@ impl<T: Real> FarField<T> {
         self.half_width
     }
 
-    /// The size of one pair that errors are relative to, but at least a fraction of what neighbours
-    /// exchange.
+    /// The size of one pair, but at least a fraction of what neighbours exchange.
     pub(crate) fn size<S: Scalar<Real = T>>(&self, kernel: &Entries<'_, S>) -> Means {
         let size = Means::of(self.offsets.iter().enumerate().map(|(i, &offset)| {
             let entry = |k: usize| {
@@ -95,14 +95,15 @@ impl<T: Real> FarField<T> {
     }
 
     /// The far field in the polynomials of the cell: column after column for each density of each
-    /// source, component after component down a column. Columns larger than `size` are scaled to it,
-    /// so that no shell outweighs the interaction list.
+    /// source, component after component down a column. Columns of shells larger than the model's size are
+    /// scaled to it, so that none outweighs the interaction list unless the scale says so.
     pub(crate) fn columns<S: Scalar<Real = T>>(
         &self,
         kernel: &Entries<'_, S>,
         rule: &Chebyshev<T>,
-        size: f64,
+        scale: Scale,
     ) -> Matrix<S> {
+        let size = scale.model.least();
         let nodes = rule.len().pow(3);
         let rows = nodes * kernel.fields;
         let shells = self.starts[INTERACTION_OFFSETS];
@@ -113,8 +114,9 @@ impl<T: Real> FarField<T> {
             kernel.write_field(&grid, y * self.half_width, columns);
             rule.coefficients(columns);
             let norm = (norm_squared(columns) / kernel.densities as f64).sqrt();
-            let shrink = if i >= shells && norm > size { size / norm } else { 1.0 };
-            let factor = S::from_real(T::from_f64(weight.sqrt() * shrink));
+            let shrink = if norm > size { size / norm } else { 1.0 };
+            let share = if i >= shells { shrink * scale.shells } else { 1.0 };
+            let factor = S::from_real(T::from_f64(weight.sqrt() * share));
             columns.iter_mut().for_each(|entry| *entry *= factor);
         });
         Matrix { rows, columns: kernel.densities * self.sources.len(), data }
@@ -137,15 +139,15 @@ impl<T: Real> FarField<T> {
         (self.scaled(rule.grid().collect()), self.scaled(sources))
     }
 
-    /// The error, relative to `size`, of interpolating between the nodes of `rule`, at random targets
+    /// The error, relative to `scale`, of interpolating between the nodes of `rule`, at random targets
     /// from one source per offset, and at the corners from the nearest corner of the nearest cells.
     pub(crate) fn interpolation_error<S: Scalar<Real = T>>(
         &self,
         kernel: &Entries<'_, S>,
         rule: &Chebyshev<T>,
-        size: Means,
+        scale: Scale,
     ) -> f64 {
-        self.relative_error(&Interpolated { kernel, exact: kernel, rule, slopes: false }, size)
+        self.relative_error(&Interpolated { kernel, exact: kernel, rule, slopes: false }, scale)
     }
 
     /// The same of the derivatives of what is interpolated, in half-widths, against `slopes`.
@@ -154,15 +156,15 @@ impl<T: Real> FarField<T> {
         kernel: &Entries<'_, S>,
         slopes: &Entries<'_, S>,
         rule: &Chebyshev<T>,
-        size: Means,
+        scale: Scale,
     ) -> f64 {
-        self.relative_error(&Interpolated { kernel, exact: slopes, rule, slopes: true }, size)
+        self.relative_error(&Interpolated { kernel, exact: slopes, rule, slopes: true }, scale)
     }
 
     fn relative_error<S: Scalar<Real = T>>(
         &self,
         interpolated: &Interpolated<'_, S>,
-        size: Means,
+        scale: Scale,
     ) -> f64 {
         let mut sources = Vec::new();
         for (o, &offset) in self.offsets.iter().enumerate() {
@@ -176,7 +178,7 @@ impl<T: Real> FarField<T> {
         for (o, squared) in self.squared_errors(interpolated, &targets, &sources) {
             errors[o][0] += squared;
         }
-        if size.grows() {
+        if scale.corners > 0.0 {
             let nearest =
                 self.offsets.iter().enumerate().filter(|(_, offset)| is_nearest(**offset));
             // Both sides are off there, in the same direction.
@@ -189,7 +191,7 @@ impl<T: Real> FarField<T> {
                 errors[o][1] += squared;
             }
         }
-        Means::of(errors).relative_to(size)
+        scale.relative(Means::of(errors))
     }
 
     /// The mean square error of interpolating the field of each source at targets, times the source's
@@ -312,7 +314,11 @@ mod tests {
         let entries = pairwise(1, |x, y, g| g[0] = f(x.distance(y)));
         let kernel = Entries::new(1, 1, &entries);
         let far = FarField::new(half_width, 32.0, 1);
-        far.interpolation_error(&kernel, &Chebyshev::new(n), far.size(&kernel))
+        far.interpolation_error(
+            &kernel,
+            &Chebyshev::new(n),
+            Scale::new(far.size(&kernel), std::iter::empty()),
+        )
     }
 
     #[test]
@@ -339,7 +345,8 @@ mod tests {
         let entries = pairwise(1, |x, y, g| g[0] = 1.0 / x.distance(y));
         let kernel = Entries::new(1, 1, &entries);
         let (far, rule) = (FarField::new(0.25, 64.0, 1), Chebyshev::new(9));
-        let columns = far.columns(&kernel, &rule, f64::INFINITY);
+        let scale = Scale::new(far.size(&kernel), std::iter::empty());
+        let columns = far.columns(&kernel, &rule, scale);
         let x = DVec3::new(0.3, -0.8, 0.6);
         for (j, (y, weight)) in far.sources.iter().enumerate() {
             let field: f64 =

@@ -9,8 +9,9 @@ use crate::interpolation::budget::{SLOPE_SHARE, truncation_share};
 use crate::interpolation::chebyshev::Chebyshev;
 use crate::interpolation::entries::Entries;
 use crate::interpolation::far_field::FarField;
-use crate::interpolation::means::{INTERACTION_OFFSETS, Means, interaction_offsets};
+use crate::interpolation::means::{INTERACTION_OFFSETS, interaction_offsets};
 use crate::interpolation::probe::{self, Parities};
+use crate::interpolation::scale::Scale;
 use crate::interpolation::slopes::Slopes;
 use crate::interpolation::transfer::Transfers;
 use crate::interpolation::tuning::{ATTEMPTS, CHECK_POINTS};
@@ -33,7 +34,7 @@ pub(crate) struct Request<'a, S: Scalar> {
     /// Whether cells of all sizes have the same operators.
     pub(crate) homogeneous: bool,
     pub(crate) far: &'a FarField<S::Real>,
-    pub(crate) scale: Means,
+    pub(crate) scale: Scale,
     /// Where derivatives have to be accurate too.
     pub(crate) slopes: Option<&'a Slopes<'a, S>>,
     pub(crate) tolerance: f64,
@@ -48,7 +49,7 @@ impl<S: Scalar> Request<'_, S> {
         let parities = probe::parities(self.kernel, half_width);
         let spectrum = |kernel: &Entries<'_, S>, of: fn(&Parities) -> &[u8]| {
             let parities = parities.as_ref().map(of);
-            Spectrum::new(kernel, parities, self.far, self.rule, self.scale.least())
+            Spectrum::new(kernel, parities, self.far, self.rule, self.scale)
         };
         let targets = spectrum(self.kernel, |p| &p.fields)?;
         // A basis serves both sides only if its functions have the same signs on both: dx·dy is symmetric, but
@@ -66,7 +67,7 @@ impl<S: Scalar> Request<'_, S> {
         }
         let mut attempt = 0;
         loop {
-            let cut = share * self.tolerance * self.scale.least();
+            let cut = share * self.tolerance * self.scale.size;
             let rank = targets.rank(cut);
             let [evaluations, multiply_adds] =
                 operator_costs(self.kernel, self.rule.len(), rank, parities.is_some());

@@ -56,25 +56,24 @@ impl Means {
         Self { all, nearest, corners }
     }
 
+    /// The mean over the whole list.
+    pub(crate) fn all(self) -> f64 {
+        self.all
+    }
+
     /// The smaller mean between random points.
     pub(crate) fn least(self) -> f64 {
         self.all.min(self.nearest)
     }
 
+    /// The largest mean, with that between corners multiplied by a weight.
+    pub(crate) fn worst(self, corners: f64) -> f64 {
+        largest([self.all, self.nearest, corners * self.corners])
+    }
+
     /// Whether this is the size of a kernel that grows with distance.
     pub(crate) fn grows(self) -> bool {
         self.nearest < self.all
-    }
-
-    /// These errors relative to that size: the worst of the quotients for a kernel that grows. The sums
-    /// of one that decays contain what is nearer than any error.
-    pub(crate) fn relative_to(self, size: Self) -> f64 {
-        let relative = |error: f64, size: f64| if error == 0.0 { 0.0 } else { error / size };
-        let all = relative(self.all, size.all);
-        if !size.grows() {
-            return all;
-        }
-        all.max(relative(self.nearest, size.nearest)).max(relative(self.corners, size.corners))
     }
 }
 
@@ -124,7 +123,7 @@ mod tests {
         let distance = |o: [i32; 3]| o.iter().map(|o| f64::from(o * o)).sum::<f64>();
         let size = Means::of(interaction_offsets().map(|o| [distance(o).powi(3); 2]));
         assert!(size.nearest < 0.3 * size.all && size.least() == size.nearest);
-        let constant = Means::of(interaction_offsets().map(|_| [1.0; 2]));
-        assert!((constant.relative_to(size) * size.nearest - 1.0).abs() < 1e-12);
+        let errors = Means::of(interaction_offsets().map(|_| [1.0, 49.0]));
+        assert!((errors.worst(1.0) - 7.0).abs() < 1e-12 && (errors.all() - 1.0).abs() < 1e-12);
     }
 }

@@ -26,6 +26,7 @@ pub(crate) mod points;
 pub(crate) mod prepared;
 pub(crate) mod probe;
 pub(crate) mod ranges;
+pub(crate) mod scale;
 pub(crate) mod scratch;
 pub(crate) mod shifts;
 pub(crate) mod slopes;

@@ -7,15 +7,16 @@ use crate::interpolation::accuracy::Accuracy;
 use crate::interpolation::basis::{adjoint, product, spectrum_costs};
 use crate::interpolation::budget::{
     ACCEPTED_LEVEL_SHARE, ACCEPTED_SHARE, INTERPOLATION_SHARE, LIMITING_SHARE,
-    ORDER_TRUNCATION_SHARE, SAFE_SHARE,
+    ORDER_TRUNCATION_SHARE, SAFE_SHARE, SLOPE_WEIGHT,
 };
 use crate::interpolation::chebyshev::Chebyshev;
 use crate::interpolation::cost;
 use crate::interpolation::entries::Entries;
 use crate::interpolation::far_field::{FarField, test_costs};
 use crate::interpolation::level::{LevelOperators, Request, operator_costs};
-use crate::interpolation::means::{Means, largest};
+use crate::interpolation::means::largest;
 use crate::interpolation::probe;
+use crate::interpolation::scale::Scale;
 use crate::interpolation::slopes::Slopes;
 use crate::interpolation::tuning::{MAX_ORDER, MORE_ORDERS, WHOLE_DENSITY};
 use crate::linalg::matrix::Matrix;
@@ -49,6 +50,10 @@ pub(crate) struct Sizes<T> {
     pub(crate) homogeneous: bool,
     /// How far along an axis sources may be from a cell's centre on each level, in half-widths.
     pub(crate) reaches: Vec<f64>,
+    /// What errors of values are relative to.
+    pub(crate) scales: Vec<Scale>,
+    /// Likewise of derivatives in half-widths, where they have to be accurate too.
+    pub(crate) slope_scales: Vec<Scale>,
 }
 
 impl<T: Real> Sizes<T> {
@@ -72,16 +77,21 @@ impl<S: Scalar> Operators<S> {
             .enumerate()
             .map(|(level, &h)| sizes.far_field(level, probe::parities(kernel, h).is_some()));
         let fields: Vec<FarField<S::Real>> = fields.collect();
-        let scales = scales(kernel, sizes, &fields)?;
+        let scales = &sizes.scales;
         let symmetric = fields.iter().all(|far| probe::symmetric(kernel, far.half_width()));
         let with_slopes = slopes.is_some();
         // Derivatives are measured in half-widths, like all else.
-        let slopes: Vec<Option<Slopes<'_, S>>> = fields
-            .iter()
-            .map(|far| slopes.map(|slopes| Slopes::new(slopes, far, sizes.homogeneous)))
-            .collect();
+        let weight = if sizes.homogeneous { 1.0 } else { SLOPE_WEIGHT };
+        let slopes_of = |level: usize| {
+            slopes.map(|slopes| Slopes {
+                entries: slopes.times(sizes.half_widths[level]),
+                scale: sizes.slope_scales[level],
+                weight,
+            })
+        };
+        let slopes: Vec<Option<Slopes<'_, S>>> = (0..fields.len()).map(slopes_of).collect();
         let worst = |rule: &Chebyshev<S::Real>| {
-            let errors = fields.iter().zip(&scales).zip(&slopes).map(|((far, &scale), slopes)| {
+            let errors = fields.iter().zip(scales).zip(&slopes).map(|((far, &scale), slopes)| {
                 let mut error = far.interpolation_error(kernel, rule, scale);
                 if !symmetric {
                     let sources = far.interpolation_error(&kernel.transpose(), rule, scale);
@@ -207,27 +217,6 @@ pub(crate) fn fewest_nodes<T: Real>(
         }
     }
     Err(Error::UnreachableTolerance { requested, reachable })
-}
-
-/// The size of one pair that errors of each level are relative to. A level whose far field is weaker
-/// than a finer one's, its greater reach included, needs fewer digits.
-fn scales<S: Scalar>(
-    kernel: &Entries<'_, S>,
-    sizes: &Sizes<S::Real>,
-    fields: &[FarField<S::Real>],
-) -> Result<Vec<Means>, Error> {
-    let mut scales: Vec<Means> = fields.iter().map(|far| far.size(kernel)).collect();
-    if !scales.iter().all(|size| size.least().is_finite()) {
-        return Err(Error::NonFiniteKernel);
-    }
-    // The l2 norm of a far field of random charges: sources in reach grow as the cube of the size.
-    let reach = |h: S::Real| h.as_f64().powf(1.5);
-    let mut strongest = 0.0f64;
-    for (scale, &h) in scales.iter_mut().zip(&sizes.half_widths).rev() {
-        strongest = strongest.max(scale.least() * reach(h));
-        *scale = scale.at_least(strongest / reach(h));
-    }
-    Ok(scales)
 }
 
 impl<S: Scalar> Shifts<S> {

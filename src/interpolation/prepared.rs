@@ -5,7 +5,7 @@ use std::sync::Arc;
 use num_traits::Float;
 
 use crate::error::Error;
-use crate::expansion::geometry::Geometry;
+use crate::expansion::geometry::{Geometry, Level, Strength};
 use crate::interpolation::accuracy::Accuracy;
 use crate::interpolation::cache::{self, KernelName, Key};
 use crate::interpolation::entries::Entries;
@@ -13,6 +13,7 @@ use crate::interpolation::everywhere::Everywhere;
 use crate::interpolation::level::LevelOperators;
 use crate::interpolation::operators::{Operators, Sizes};
 use crate::interpolation::probe;
+use crate::interpolation::scale::{Scale, Served};
 use crate::interpolation::transfer::Transfers;
 use crate::interpolation::tuning::{EXTENDED_BYTES, SAMPLED_REACH};
 use crate::linalg::matrix::Matrix;
@@ -38,6 +39,8 @@ pub(crate) struct Invariant<S: Scalar> {
     /// Where masks ask for more offsets than an unmasked tree: the transfers of that entry of
     /// `operators.levels`.
     extended: Vec<Option<Transfers<S>>>,
+    /// What errors of a pair's values and derivatives are relative to, level by level.
+    pair_sizes: Vec<[f64; 2]>,
 }
 
 /// S_to A S_from: a matrix with signs on its columns and rows.
@@ -91,14 +94,65 @@ impl<S: Scalar> Invariant<S> {
             Some(_) => SAMPLED_REACH,
             None => (edge / h.as_f64() - 1.0).min(SAMPLED_REACH),
         };
-        let reaches = half_widths.iter().map(reach).collect();
-        let sizes = Sizes { half_widths, homogeneous: degree.is_some(), reaches };
+        let reaches: Vec<f64> = half_widths.iter().map(reach).collect();
         let kernel = &kernel.times(unit.recip());
         let slopes = slopes.map(|slopes| slopes.times(unit.recip()));
-        let operators = operators(kernel_name, kernel, slopes.as_ref(), accuracy, &sizes)?;
+        let slopes = slopes.as_ref();
+        let mut sizes = Sizes {
+            half_widths,
+            homogeneous: degree.is_some(),
+            reaches,
+            scales: Vec::new(),
+            slope_scales: Vec::new(),
+        };
+        // The levels that a set of operators serves, and how strongly they act.
+        let served = |index: usize, slopes: bool| {
+            let own = if degree.is_some() { 0..geometry.levels.len() } else { index..index + 1 };
+            geometry.levels[own].iter().filter_map(move |level| {
+                let h = level.half_width.as_f64();
+                let (strength, length) =
+                    if slopes { (level.slopes, h) } else { (level.values, 1.0) };
+                let Strength { cells, size, through, .. } = strength?;
+                // What no pair of the level was seen to need, others need that pass through; one level's operators
+                // for all are checked with these.
+                let [size, through] = match degree {
+                    Some(_) => [size; 2],
+                    None => [if size.is_finite() { size } else { through }, through],
+                };
+                let factor = degree.map_or(1.0, |degree| h.powf(degree));
+                let [size, through] = [size, through].map(|number| number * length / unit.as_f64());
+                Some(Served { cells, size, through, factor })
+            })
+        };
+        for index in 0..sizes.half_widths.len() {
+            let far = sizes.far_field(index, true);
+            let scale = |entries: &Entries<'_, S>, slopes: bool| {
+                let model = far.size(entries);
+                let finite = model.least().is_finite();
+                finite
+                    .then(|| Scale::new(model, served(index, slopes)))
+                    .ok_or(Error::NonFiniteKernel)
+            };
+            sizes.scales.push(scale(kernel, false)?);
+            if let Some(slopes) = slopes {
+                sizes.slope_scales.push(scale(&slopes.times(far.half_width()), true)?);
+            }
+        }
+        let operators = operators(kernel_name, kernel, slopes, accuracy, &sizes)?;
         let first_level = geometry.levels.first().map_or(0, |level| level.level);
         let extended = operators.levels.iter().map(|_| None).collect();
-        let mut prepared = Self { operators, first_level, degree, unit, extended };
+        // The tolerance is divided among levels of their own.
+        let share = (operators.levels.len() as f64).sqrt().recip();
+        let pair_sizes = |(index, level): (usize, &Level<S::Real>)| {
+            let h = level.half_width.as_f64();
+            let factor = share * unit.as_f64() * degree.map_or(1.0, |degree| h.powf(degree));
+            let index = index.min(operators.levels.len() - 1);
+            let size =
+                |scales: &[Scale]| scales.get(index).map_or(0.0, |scale| factor * scale.size);
+            [size(&sizes.scales), size(&sizes.slope_scales) / h]
+        };
+        let pair_sizes = geometry.levels.iter().enumerate().map(pair_sizes).collect();
+        let mut prepared = Self { operators, first_level, degree, unit, extended, pair_sizes };
         prepared.extend(kernel, geometry);
         Ok(prepared)
     }
@@ -129,6 +183,12 @@ impl<S: Scalar> Invariant<S> {
                 self.extended[index] = Some(Transfers::new(kernel, &level.bases, &offsets));
             }
         }
+    }
+
+    /// What errors of a pair at `level` are relative to: those of values, and of derivatives.
+    pub(crate) fn pair_sizes(&self, level: usize) -> [f64; 2] {
+        let own = level.checked_sub(self.first_level).and_then(|index| self.pair_sizes.get(index));
+        own.copied().unwrap_or_default()
     }
 
     pub(crate) fn level(&self, level: usize) -> &LevelOperators<S> {

@@ -242,6 +242,7 @@ mod tests {
     use crate::interpolation::entries::pairwise;
     use crate::interpolation::far_field::FarField;
     use crate::interpolation::probe::parities;
+    use crate::interpolation::scale::Scale;
     use glam::DVec3;
 
     /// The largest ‖C_o − P W_o Qᴴ‖ of the offsets of one direction, relative to the cut-off; the rank.
@@ -252,7 +253,8 @@ mod tests {
         let parities = parities(&kernel, 0.5).map(|parities| parities.fields);
         assert_eq!(parities.is_some(), reflected);
         let basis = |kernel: &Entries<'_, f64>| {
-            let spectrum = Spectrum::new(kernel, parities.as_deref(), &far, &rule, f64::INFINITY);
+            let scale = Scale::new(far.size(kernel), std::iter::empty());
+            let spectrum = Spectrum::new(kernel, parities.as_deref(), &far, &rule, scale);
             Arc::new(spectrum.unwrap().basis(cut, &rule))
         };
         let target = basis(&kernel);

@@ -352,6 +352,7 @@ mod tests {
     use crate::interpolation::chebyshev::Chebyshev;
     use crate::interpolation::entries::pairwise;
     use crate::interpolation::far_field::FarField;
+    use crate::interpolation::scale::Scale;
     use crate::octree::geometry::{Cell, Cube};
     use glam::DVec3;
     use std::sync::Arc;
@@ -361,7 +362,8 @@ mod tests {
         let entries = pairwise(1, |x, y, g| g[0] = 1.0 / x.distance(y));
         let (kernel, rule) = (Entries::new(1, 1, &entries), Chebyshev::new(4));
         let far = FarField::new(1.0 / 32.0, 32.0, 1);
-        let spectrum = Spectrum::new(&kernel, Some(&[0]), &far, &rule, f64::INFINITY).unwrap();
+        let scale = Scale::new(far.size(&kernel), std::iter::empty());
+        let spectrum = Spectrum::new(&kernel, Some(&[0]), &far, &rule, scale).unwrap();
         let offsets: Vec<[i32; 3]> = interaction_offsets().collect();
         let root = Cube::new(DVec3::splat(0.5), 0.5);
         // So coarse a cut-off leaves some parities without a function, some without a coordinate.

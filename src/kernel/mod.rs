@@ -10,5 +10,6 @@ pub(crate) mod formula_kernel;
 pub(crate) mod mask;
 pub(crate) mod pair_loop;
 pub(crate) mod side_by_side;
+pub(crate) mod slopes;
 pub(crate) mod traits;
 pub(crate) mod with_gradient;

@@ -8,6 +8,7 @@ use crate::expansion::costs::Costs;
 use crate::expansion::geometry::Geometry;
 use crate::expansion::{Expansion, RealOf, SourceOf, TargetOf};
 use crate::interaction::cell_mask::{CellMask, PointMask, TreePoints};
+use crate::interaction::lists::Lists;
 use crate::interaction::traversal::{Far, Traversal};
 use crate::interpolation::black_box::Interpolation;
 use crate::kernel::mask::{Mask, Unmasked};
@@ -19,6 +20,8 @@ use crate::plan::choices::Choices;
 use crate::plan::estimate::Estimate;
 use crate::plan::fmm::Fmm;
 use crate::plan::forecast::Forecast;
+use crate::plan::guard::Guard;
+use crate::plan::norms::Norms;
 use crate::plan::pair_time::pair_seconds;
 use crate::plan::times::{BuildTimes, Clock, Phase, Progress};
 use crate::plan::tuning::{DOUBT, SET_UP_SECONDS, SHOWN_POINTS};
@@ -199,13 +202,15 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
             let (most_seconds, pair_seconds) = self.choices.worth(estimate.as_ref(), pairs, || {
                 self.pair_seconds(&trees.sources, &trees.targets)
             });
-            let prepared = self.expansion.prepare(&Geometry {
+            let mut geometry = Geometry {
                 most_seconds,
                 pair_seconds,
                 sources: some(&trees.sources),
                 targets: some(&trees.targets),
                 ..Geometry::new(trees.root, levels)
-            });
+            };
+            let norms = self.measure(&trees, &lists, &mut geometry);
+            let prepared = self.expansion.prepare(&geometry);
             clock.lap(&mut times.operators);
             match prepared {
                 Err(error)
@@ -222,6 +227,8 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
             }
             self.report(Phase::Operators, 1.0);
 
+            let guard = norms.map(|norms| Guard::new(norms, geometry));
+            let guard = guard.filter(|guard| guard.is_needed(&self.expansion));
             let plan = Plan::new(self.expansion, scheme, trees, lists);
             clock.lap(&mut times.lists);
             let right = match &estimate {
@@ -232,10 +239,29 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
                 _ => true,
             };
             if right {
-                return Ok(Fmm::new(plan, times, estimate, fallback));
+                return Ok(Fmm::new(plan, guard, times, estimate, fallback));
             }
             (self.expansion, trees) = plan.into_parts();
         }
+    }
+
+    /// Measures how strongly the pairs of each level act. Not with a mask, which decides what counts.
+    fn measure(
+        &self,
+        trees: &Trees<SourceOf<E>, TargetOf<E>>,
+        lists: &Lists,
+        geometry: &mut Geometry<RealOf<E>>,
+    ) -> Option<Norms> {
+        if self.choices.masked || geometry.levels.is_empty() {
+            return None;
+        }
+        self.expansion.again()?;
+        let norms = Norms::sample::<E>(self.expansion.kernel(), trees, lists);
+        let strengths = norms.strengths(None);
+        for level in &mut geometry.levels {
+            [level.values, level.slopes] = strengths[level.level];
+        }
+        Some(norms)
     }
 
     /// The schemes that may be taken: the one that is given, or any.

@@ -1,7 +1,7 @@
 //! The plan: everything that depends on geometry alone, built once, applied to any charges.
 
 use std::fmt;
-use std::sync::Mutex;
+use std::sync::{Arc, Mutex};
 
 use crate::error::Error;
 use crate::expansion::{ChargeOf, Expansion, ValueOf};
@@ -9,6 +9,7 @@ use crate::kernel::direct::check_charges;
 use crate::numbers::traits::Numbers;
 use crate::parallel;
 use crate::plan::estimate::Estimate;
+use crate::plan::guard::Guard;
 use crate::plan::stats::{Stats, stats};
 use crate::plan::times::{ApplyTimes, BuildTimes, Clock};
 use crate::plan::tuning::CHECK_CHUNK;
@@ -35,31 +36,46 @@ use crate::plan::{Plan, Workspace};
 /// # Ok::<(), farfield::Error>(())
 /// ```
 pub struct Fmm<E: Expansion> {
-    pub(crate) plan: Plan<E>,
+    /// For charges of like size everywhere.
+    pub(crate) usual: Arc<Ready<E>>,
+    /// What sees to others, where they make a difference.
+    pub(crate) guard: Option<Guard<E>>,
     pub(crate) stats: Stats,
     pub(crate) build_times: BuildTimes,
     pub(crate) estimate: Option<Estimate>,
+}
+
+/// A plan and what its applications write to.
+pub(crate) struct Ready<E: Expansion> {
+    pub(crate) plan: Plan<E>,
     idle: Mutex<Vec<Workspace<E>>>,
 }
 
 impl<E: Expansion> Fmm<E> {
     pub(crate) fn new(
         plan: Plan<E>,
+        guard: Option<Guard<E>>,
         build_times: BuildTimes,
         estimate: Option<Estimate>,
         fallback: Option<String>,
     ) -> Self {
         let stats = Stats { fallback, ..stats(&plan) };
-        Self { plan, stats, build_times, estimate, idle: Mutex::new(Vec::new()) }
+        Self { usual: Arc::new(Ready::new(plan)), guard, stats, build_times, estimate }
     }
 
     /// The sums u_i = Σ_j K(x_i, y_j) q_j at all targets, in the caller's order. O(N).
+    ///
+    /// The tolerance holds for ‖ũ − u‖₂ relative to the larger of ‖u‖₂ and (Σ_ij |K_ij|² |q_j|²)^½, which is
+    /// what sums come to for charges of random sign. Where charges are so distributed that far more of the sums
+    /// comes from afar than if they were of one size, operators are set up for them first, or they are summed
+    /// directly.
     ///
     /// # Errors
     /// If there is not one charge per source, a charge is not finite, or a sum is not.
     pub fn apply(&self, charges: &[ChargeOf<E>]) -> Result<Vec<ValueOf<E>>, Error> {
         self.check_charges(charges)?;
-        let values = self.with_workspace(|workspace| self.plan.run(charges, workspace));
+        let ready = self.plan_for(charges);
+        let values = ready.with_workspace(|workspace| ready.plan.run(charges, workspace));
         check_values(&values)?;
         Ok(values)
     }
@@ -77,8 +93,9 @@ impl<E: Expansion> Fmm<E> {
         let mut checks = 0.0;
         self.check_charges(charges)?;
         clock.lap(&mut checks);
+        let ready = self.plan_for(charges);
         let (values, mut times) =
-            self.with_workspace(|workspace| self.plan.run_timed(charges, workspace));
+            ready.with_workspace(|workspace| ready.plan.run_timed(charges, workspace));
         clock = Clock::start();
         check_values(&values)?;
         clock.lap(&mut checks);
@@ -88,15 +105,29 @@ impl<E: Expansion> Fmm<E> {
 
     /// The expansion, as prepared for this plan.
     pub fn expansion(&self) -> &E {
-        &self.plan.expansion
+        &self.usual.plan.expansion
     }
 
     pub(crate) fn check_charges(&self, charges: &[ChargeOf<E>]) -> Result<(), Error> {
-        check_charges(self.plan.expansion.kernel(), self.plan.sources.len(), charges)?;
+        let plan = &self.usual.plan;
+        check_charges(plan.expansion.kernel(), plan.sources.len(), charges)?;
         match first_not_finite(charges) {
             Some(index) => Err(Error::NonFiniteCharge { index, charge: charges[index].to_f64s() }),
             None => Ok(()),
         }
+    }
+
+    /// The plan that keeps the tolerance for these charges.
+    pub(crate) fn plan_for(&self, charges: &[ChargeOf<E>]) -> Arc<Ready<E>> {
+        let other =
+            self.guard.as_ref().and_then(|guard| guard.other_plan(&self.usual.plan, charges));
+        other.unwrap_or_else(|| Arc::clone(&self.usual))
+    }
+}
+
+impl<E: Expansion> Ready<E> {
+    pub(crate) fn new(plan: Plan<E>) -> Self {
+        Self { plan, idle: Mutex::new(Vec::new()) }
     }
 
     /// Lends a workspace that no other call is using: allocated once, then kept.
@@ -130,7 +161,7 @@ fn first_not_finite<V: Numbers>(values: &[V]) -> Option<usize> {
 impl<E: Expansion> fmt::Debug for Fmm<E> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Fmm")
-            .field("scheme", &self.plan.scheme)
+            .field("scheme", &self.usual.plan.scheme)
             .field("stats", &self.stats)
             .finish()
     }

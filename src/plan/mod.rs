@@ -6,8 +6,10 @@ pub(crate) mod choices;
 pub(crate) mod estimate;
 pub(crate) mod fmm;
 pub(crate) mod forecast;
+pub(crate) mod guard;
 pub(crate) mod layout;
 pub(crate) mod near;
+pub(crate) mod norms;
 pub(crate) mod pair_time;
 pub(crate) mod passes;
 pub(crate) mod report;
@@ -125,6 +127,18 @@ impl<E: Expansion> Plan<E> {
             targets,
             lists,
             layout,
+        }
+    }
+
+    /// Trees and points, once more.
+    pub(crate) fn trees(&self) -> Trees<SourceOf<E>, TargetOf<E>> {
+        Trees {
+            root: self.root,
+            leaf_size: self.leaf_size,
+            source_tree: Arc::clone(&self.source_tree),
+            target_tree: Arc::clone(&self.target_tree),
+            sources: self.sources.clone(),
+            targets: self.targets.clone(),
         }
     }
 

@@ -6,6 +6,7 @@ use crate::expansion::Expansion;
 use crate::plan::Plan;
 use crate::plan::estimate::Estimate;
 use crate::plan::fmm::Fmm;
+use crate::plan::guard::Guard;
 use crate::plan::stats::Stats;
 use crate::plan::times::{ApplyTimes, BuildTimes};
 
@@ -24,6 +25,9 @@ pub struct Report {
     pub estimate: Option<Estimate>,
     /// Seconds that an application took, if one was [measured](Fmm::apply_timed).
     pub apply: Option<ApplyTimes>,
+    /// How many applications were for charges so distributed that another set of operators, or direct sums,
+    /// served them.
+    pub unusual_applications: usize,
     /// What is on each level of the trees, the root first.
     pub levels: Vec<LevelReport>,
 }
@@ -70,7 +74,7 @@ impl<E: Expansion> Fmm<E> {
     /// # Ok::<(), farfield::Error>(())
     /// ```
     pub fn report(&self) -> Report {
-        let Plan { expansion, source_tree, target_tree, lists, layout, .. } = &self.plan;
+        let Plan { expansion, source_tree, target_tree, lists, layout, .. } = &self.usual.plan;
         let (sources, targets) = (&source_tree.shape, &target_tree.shape);
         let in_use = |terms: &[usize], level: usize| terms.get(level).is_some_and(|&n| n > 0);
         let level = |level: usize| {
@@ -98,6 +102,7 @@ impl<E: Expansion> Fmm<E> {
             build: self.build_times,
             estimate: self.estimate,
             apply: None,
+            unusual_applications: self.guard.as_ref().map_or(0, Guard::applications),
             levels,
         }
     }
@@ -105,7 +110,7 @@ impl<E: Expansion> Fmm<E> {
 
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { stats, build, estimate, apply, levels } = self;
+        let Self { stats, build, estimate, apply, unusual_applications, levels } = self;
         writeln!(
             f,
             "{}: {} sources, {} targets; {} cells, at most {} points in a leaf",
@@ -113,6 +118,9 @@ impl fmt::Display for Report {
         )?;
         if let Some(fallback) = &stats.fallback {
             writeln!(f, "summed directly: {fallback}")?;
+        }
+        if *unusual_applications > 0 {
+            writeln!(f, "charges of unlike size: {unusual_applications} applications")?;
         }
         writeln!(
             f,

@@ -20,6 +20,21 @@ pub(crate) const ASKED_PAIR_SECONDS: f64 = 2e-9;
 /// The relative error of direct sums, in units of rounding.
 pub(crate) const DIRECT_DIGITS: f64 = 16.0;
 
+/// Targets at which the kernel's magnitudes are sampled, at most.
+pub(crate) const NORM_TARGETS: usize = 32;
+
+/// Points at which the magnitude of a cell's field is sampled, at most.
+pub(crate) const PART_POINTS: usize = 2;
+
+/// Parts into which the near sources of a target are divided, about, if there are so many.
+pub(crate) const NEAR_PARTS: usize = 1024;
+
+/// The share of other sums that targets with next to none are held against.
+pub(crate) const ISOLATED_SHARE: f64 = 1.0 / 16.0;
+
+/// By what factor errors may grow with charges of unlike size before an expansion is prepared for them.
+pub(crate) const LIKE_SIZES: f64 = 2.0;
+
 /// Points of either set that an expansion is shown, at most.
 pub(crate) const SHOWN_POINTS: usize = 512;
 
