@@ -48,7 +48,7 @@ impl<S: Scalar> Request<'_, S> {
         let levels = if slopes { SLOPE_LEVELS } else { 1 };
         let anywhere = both([1000, 1000 + CHECK_POINTS].map(random), levels);
         let corners = || (0..8).map(corner::<S::Real>).collect();
-        let corners = (scale.corners > 0.0).then(|| both([corners(), corners()], CORNER_LEVELS));
+        let corners = scale.corners.then(|| both([corners(), corners()], CORNER_LEVELS));
         let offsets: Vec<[i32; 3]> = interaction_offsets().collect();
         let errors: Vec<[f64; 2]> = parallel::map(offsets.len(), &|i| {
             let error = self.squared_error(level, exact, offsets[i], &anywhere, 0..CHECK_POINTS);

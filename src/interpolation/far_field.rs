@@ -178,7 +178,7 @@ impl<T: Real> FarField<T> {
         for (o, squared) in self.squared_errors(interpolated, &targets, &sources) {
             errors[o][0] += squared;
         }
-        if scale.corners > 0.0 {
+        if scale.corners {
             let nearest =
                 self.offsets.iter().enumerate().filter(|(_, offset)| is_nearest(**offset));
             // Both sides are off there, in the same direction.

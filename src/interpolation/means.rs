@@ -66,9 +66,11 @@ impl Means {
         self.all.min(self.nearest)
     }
 
-    /// The largest mean, with that between corners multiplied by a weight.
-    pub(crate) fn worst(self, corners: f64) -> f64 {
-        largest([self.all, self.nearest, corners * self.corners])
+    /// The largest of the means that count: that over all, and others if asked for.
+    pub(crate) fn worst(self, nearest: bool, corners: bool) -> f64 {
+        let Self { all, nearest: of_nearest, corners: of_corners } = self;
+        let of_nearest = if nearest || corners { of_nearest } else { 0.0 };
+        largest([all, of_nearest, if corners { of_corners } else { 0.0 }])
     }
 
     /// Whether this is the size of a kernel that grows with distance.
@@ -124,6 +126,8 @@ mod tests {
         let size = Means::of(interaction_offsets().map(|o| [distance(o).powi(3); 2]));
         assert!(size.nearest < 0.3 * size.all && size.least() == size.nearest);
         let errors = Means::of(interaction_offsets().map(|_| [1.0, 49.0]));
-        assert!((errors.worst(1.0) - 7.0).abs() < 1e-12 && (errors.all() - 1.0).abs() < 1e-12);
+        assert!(
+            (errors.worst(false, true) - 7.0).abs() < 1e-12 && (errors.all() - 1.0).abs() < 1e-12
+        );
     }
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use num_traits::Float;
 
 use crate::error::Error;
-use crate::expansion::geometry::{Geometry, Level, Strength};
+use crate::expansion::geometry::{Geometry, Level};
 use crate::interpolation::accuracy::Accuracy;
 use crate::interpolation::cache::{self, KernelName, Key};
 use crate::interpolation::entries::Entries;
@@ -13,7 +13,7 @@ use crate::interpolation::everywhere::Everywhere;
 use crate::interpolation::level::LevelOperators;
 use crate::interpolation::operators::{Operators, Sizes};
 use crate::interpolation::probe;
-use crate::interpolation::scale::{Scale, Served};
+use crate::interpolation::scale::{Scale, Served, factor};
 use crate::interpolation::transfer::Transfers;
 use crate::interpolation::tuning::{EXTENDED_BYTES, SAMPLED_REACH};
 use crate::linalg::matrix::Matrix;
@@ -105,33 +105,18 @@ impl<S: Scalar> Invariant<S> {
             scales: Vec::new(),
             slope_scales: Vec::new(),
         };
-        // The levels that a set of operators serves, and how strongly they act.
-        let served = |index: usize, slopes: bool| {
-            let own = if degree.is_some() { 0..geometry.levels.len() } else { index..index + 1 };
-            geometry.levels[own].iter().filter_map(move |level| {
-                let h = level.half_width.as_f64();
-                let (strength, length) =
-                    if slopes { (level.slopes, h) } else { (level.values, 1.0) };
-                let Strength { cells, size, through, .. } = strength?;
-                // What no pair of the level was seen to need, others need that pass through; one level's operators
-                // for all are checked with these.
-                let [size, through] = match degree {
-                    Some(_) => [size; 2],
-                    None => [if size.is_finite() { size } else { through }, through],
-                };
-                let factor = degree.map_or(1.0, |degree| h.powf(degree));
-                let [size, through] = [size, through].map(|number| number * length / unit.as_f64());
-                Some(Served { cells, size, through, factor })
-            })
-        };
+        let unit_size = unit.as_f64();
         for index in 0..sizes.half_widths.len() {
+            // One set of operators serves all levels, or one.
+            let own = if sizes.homogeneous { 0..geometry.levels.len() } else { index..index + 1 };
             let far = sizes.far_field(index, true);
-            let scale = |entries: &Entries<'_, S>, slopes: bool| {
+            let scale = |entries: &Entries<'_, S>, derivatives: bool| {
                 let model = far.size(entries);
+                let levels = geometry.levels[own.clone()].iter();
+                let served =
+                    levels.filter_map(|level| Served::new(level, degree, unit_size, derivatives));
                 let finite = model.least().is_finite();
-                finite
-                    .then(|| Scale::new(model, served(index, slopes)))
-                    .ok_or(Error::NonFiniteKernel)
+                finite.then(|| Scale::new(model, served)).ok_or(Error::NonFiniteKernel)
             };
             sizes.scales.push(scale(kernel, false)?);
             if let Some(slopes) = slopes {
@@ -145,7 +130,7 @@ impl<S: Scalar> Invariant<S> {
         let share = (operators.levels.len() as f64).sqrt().recip();
         let pair_sizes = |(index, level): (usize, &Level<S::Real>)| {
             let h = level.half_width.as_f64();
-            let factor = share * unit.as_f64() * degree.map_or(1.0, |degree| h.powf(degree));
+            let factor = share * unit_size * factor(degree, h);
             let index = index.min(operators.levels.len() - 1);
             let size =
                 |scales: &[Scale]| scales.get(index).map_or(0.0, |scale| factor * scale.size);

@@ -1,6 +1,8 @@
 //! What errors are relative to.
 
+use crate::expansion::geometry::{Level, Strength};
 use crate::interpolation::means::Means;
+use crate::numbers::traits::Real;
 
 /// The size of a pair of points that the errors of operators are relative to.
 #[derive(Clone, Copy, Debug)]
@@ -9,8 +11,10 @@ pub(crate) struct Scale {
     pub(crate) model: Means,
     /// What errors are relative to.
     pub(crate) size: f64,
-    /// How much errors between corners count, if there may be so many points.
-    pub(crate) corners: f64,
+    /// Whether errors between corners count.
+    pub(crate) corners: bool,
+    /// Whether errors of the nearest cells count by themselves.
+    pub(crate) nearest: bool,
     /// How many times as much what comes from farther counts: it passes through more levels.
     pub(crate) shells: f64,
 }
@@ -27,44 +31,79 @@ pub(crate) struct Served {
     pub(crate) factor: f64,
 }
 
+impl Served {
+    /// A level as operators of a kernel of that degree serve it, or operators of its own, where its strength is
+    /// known. Lengths are half-widths for derivatives.
+    pub(crate) fn new<T: Real>(
+        level: &Level<T>,
+        degree: Option<f64>,
+        unit: f64,
+        derivatives: bool,
+    ) -> Option<Self> {
+        let h = level.half_width.as_f64();
+        let (strength, length) = if derivatives { (level.slopes, h) } else { (level.values, 1.0) };
+        let Strength { cells, size, through, .. } = strength?;
+        // What no pair of the level was seen to need, others need that pass through. One level's operators for
+        // all are checked with these.
+        let [size, through] = match degree {
+            Some(_) => [size; 2],
+            None => [if size.is_finite() { size } else { through }, through],
+        };
+        let [size, through] = [size, through].map(|number| number * length / unit);
+        Some(Self { cells, size, through, factor: factor(degree, h) })
+    }
+}
+
+/// What operators of unit cells are multiplied by at cells of half-width h.
+pub(crate) fn factor(degree: Option<f64>, h: f64) -> f64 {
+    degree.map_or(1.0, |degree| h.powf(degree))
+}
+
 impl Scale {
     /// The scale of operators that serve some levels; that of the model if nothing is known of these.
     pub(crate) fn new(model: Means, served: impl Iterator<Item = Served> + Clone) -> Self {
-        // What grows with distance is smallest between the corners that face each other.
-        let growing = if model.grows() { 1.0 } else { 0.0 };
         let square = |served: Served| (served.factor / served.size).powi(2);
         let sum: f64 = served.clone().map(square).sum();
         if sum == 0.0 {
-            return Self { model, size: model.least(), corners: growing, shells: 1.0 };
+            return Self {
+                model,
+                size: model.least(),
+                corners: model.grows(),
+                nearest: false,
+                shells: 1.0,
+            };
         }
-        let from_few: f64 = served.clone().filter(|served| served.cells < FEW).map(square).sum();
+        let from = |cells: f64| -> f64 {
+            served.clone().filter(|served| served.cells < cells).map(square).sum()
+        };
+        let [one, few] = [ONE, FEW].map(|cells| 2.0 * from(cells) > sum);
         let size = rounded(sum.sqrt().recip(), model.all());
         let farther = served.map(|served| served.size / served.through).fold(1.0, f64::max);
         Self {
             model,
             size,
-            corners: if 2.0 * from_few > sum { FEW_WEIGHT } else { growing },
+            // What grows with distance is smallest between the corners that face each other.
+            corners: model.grows() || one,
+            nearest: few,
             shells: rounded(farther, 1.0),
         }
     }
 
     /// What operators of that scale are recognised by.
-    pub(crate) fn key(&self) -> [u64; 3] {
-        [self.size, self.corners, self.shells].map(f64::to_bits)
+    pub(crate) fn key(&self) -> (u64, [bool; 2], u64) {
+        (self.size.to_bits(), [self.corners, self.nearest], self.shells.to_bits())
     }
 
     /// Errors relative to this scale.
     pub(crate) fn relative(&self, errors: Means) -> f64 {
-        let error = if self.corners > 0.0 { errors.worst(self.corners) } else { errors.all() };
+        let error = errors.worst(self.nearest, self.corners);
         if error == 0.0 { 0.0 } else { error / self.size }
     }
 }
 
-/// Where fewer cells than these share a field, their points may all be in corners.
-const FEW: f64 = 3.0;
-
-/// How much the mean error between corners counts then: they may be those of the worst pair of cells.
-const FEW_WEIGHT: f64 = 2.0;
+/// Where fewer cells than these share a field, they may all be among the nearest, and their points in corners.
+const FEW: f64 = 4.5;
+const ONE: f64 = 1.5;
 
 /// A size that differs from `unit` by a power of two, so that operators serve other points as well: the next
 /// smaller one, or a slightly larger one.

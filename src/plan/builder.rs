@@ -257,9 +257,8 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
         }
         self.expansion.again()?;
         let norms = Norms::sample::<E>(self.expansion.kernel(), trees, lists);
-        let strengths = norms.strengths(None);
         for level in &mut geometry.levels {
-            [level.values, level.slopes] = strengths[level.level];
+            [level.values, level.slopes] = norms.usual[level.level];
         }
         Some(norms)
     }

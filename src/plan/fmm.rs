@@ -1,19 +1,20 @@
 //! The plan: everything that depends on geometry alone, built once, applied to any charges.
 
 use std::fmt;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 
 use crate::error::Error;
 use crate::expansion::{ChargeOf, Expansion, ValueOf};
 use crate::kernel::direct::check_charges;
 use crate::numbers::traits::Numbers;
 use crate::parallel;
+use crate::plan::Plan;
 use crate::plan::estimate::Estimate;
 use crate::plan::guard::Guard;
+use crate::plan::ready::Ready;
 use crate::plan::stats::{Stats, stats};
 use crate::plan::times::{ApplyTimes, BuildTimes, Clock};
 use crate::plan::tuning::CHECK_CHUNK;
-use crate::plan::{Plan, Workspace};
 
 /// A plan for sums between fixed points: trees, interaction lists, operators and mask.
 ///
@@ -43,12 +44,6 @@ pub struct Fmm<E: Expansion> {
     pub(crate) stats: Stats,
     pub(crate) build_times: BuildTimes,
     pub(crate) estimate: Option<Estimate>,
-}
-
-/// A plan and what its applications write to.
-pub(crate) struct Ready<E: Expansion> {
-    pub(crate) plan: Plan<E>,
-    idle: Mutex<Vec<Workspace<E>>>,
 }
 
 impl<E: Expansion> Fmm<E> {
@@ -122,21 +117,6 @@ impl<E: Expansion> Fmm<E> {
         let other =
             self.guard.as_ref().and_then(|guard| guard.other_plan(&self.usual.plan, charges));
         other.unwrap_or_else(|| Arc::clone(&self.usual))
-    }
-}
-
-impl<E: Expansion> Ready<E> {
-    pub(crate) fn new(plan: Plan<E>) -> Self {
-        Self { plan, idle: Mutex::new(Vec::new()) }
-    }
-
-    /// Lends a workspace that no other call is using: allocated once, then kept.
-    pub(crate) fn with_workspace<V>(&self, work: impl FnOnce(&mut Workspace<E>) -> V) -> V {
-        let idle = self.idle.lock().unwrap_or_else(|e| e.into_inner()).pop();
-        let mut workspace = idle.unwrap_or_else(|| Workspace::new(&self.plan));
-        let result = work(&mut workspace);
-        self.idle.lock().unwrap_or_else(|e| e.into_inner()).push(workspace);
-        result
     }
 }
 

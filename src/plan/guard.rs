@@ -8,23 +8,27 @@ use crate::expansion::{ChargeOf, Expansion, RealOf};
 use crate::interaction::cell_mask::{PointMask, TreePoints};
 use crate::interaction::traversal::{Far, Traversal};
 use crate::kernel::mask::Unmasked;
-use crate::plan::fmm::Ready;
-use crate::plan::norms::{ChargeSums, Norms};
+use crate::plan::norms::{ChargeSums, Norms, forbid};
+use crate::plan::ready::Ready;
+use crate::plan::tuning::OTHER_PLANS;
 use crate::plan::{Plan, Scheme};
+
+/// Of a level's values and derivatives.
+type Strengths = [Option<Strength>; 2];
 
 /// Sees to it that a plan whose budget is that of whole sums keeps the tolerance whatever the charges.
 pub(crate) struct Guard<E: Expansion> {
     norms: Norms,
     geometry: Geometry<RealOf<E>>,
-    /// The plan that was made for other charges last. It serves all charges met so far.
-    other: Mutex<Option<Arc<Ready<E>>>>,
+    /// The plans that were used last for other charges, with what they were made for.
+    others: Mutex<Vec<(Vec<Strengths>, Arc<Ready<E>>)>>,
     applications: AtomicUsize,
 }
 
 impl<E: Expansion> Guard<E> {
     /// For a plan of that geometry.
     pub(crate) fn new(norms: Norms, geometry: Geometry<RealOf<E>>) -> Self {
-        Self { norms, geometry, other: Mutex::new(None), applications: AtomicUsize::new(0) }
+        Self { norms, geometry, others: Mutex::new(Vec::new()), applications: AtomicUsize::new(0) }
     }
 
     /// Whether there are charges that the expansion is too coarse for.
@@ -37,47 +41,48 @@ impl<E: Expansion> Guard<E> {
         self.applications.load(Relaxed)
     }
 
-    /// The plan for charges that the usual one is too coarse for.
+    /// The plan for charges that the usual one is too coarse for. It depends on the charges alone, not on what
+    /// was summed before.
     pub(crate) fn other_plan(
         &self,
         usual: &Plan<E>,
         charges: &[ChargeOf<E>],
     ) -> Option<Arc<Ready<E>>> {
-        let sums = ChargeSums::new(charges, &usual.source_tree.shape.order);
-        let forbidden = |plan: &Plan<E>| {
-            let far = plan.scheme != Scheme::Direct;
-            far && self.norms.forbid(&sums, |level| plan.expansion.pair_sizes(level))
-        };
-        if !forbidden(usual) {
+        let sums = ChargeSums::new(charges, &usual.source_tree.shape)?;
+        let strengths = self.norms.strengths_for(&sums);
+        if !forbid(&strengths, |level| usual.expansion.pair_sizes(level)) {
             return None;
         }
         self.applications.fetch_add(1, Relaxed);
-        let last = self.other.lock().unwrap_or_else(|e| e.into_inner()).clone();
-        if let Some(last) = last.as_ref().filter(|last| !forbidden(&last.plan)) {
-            return Some(Arc::clone(last));
+        let stricter = |(own, usual): (Strengths, &Strengths)| {
+            [0, 1].map(|channel| {
+                own[channel].zip(usual[channel]).map(|(own, usual)| stricter(own, usual))
+            })
+        };
+        let strengths: Vec<Strengths> =
+            strengths.into_iter().zip(&self.norms.usual).map(stricter).collect();
+        let mut others = self.others.lock().unwrap_or_else(|e| e.into_inner());
+        let known = others.iter().position(|(known, _)| *known == strengths);
+        if let Some(known) = known.map(|known| others.remove(known)) {
+            let plan = Arc::clone(&known.1);
+            others.push(known);
+            return Some(plan);
         }
-        let expansion = &last.as_ref().map_or(usual, |last| &last.plan).expansion;
-        let other = Arc::new(Ready::new(self.plan_of(usual, expansion, &sums)?));
-        *self.other.lock().unwrap_or_else(|e| e.into_inner()) = Some(Arc::clone(&other));
-        Some(other)
+        drop(others);
+        let plan = Arc::new(Ready::new(self.plan_for(usual, &strengths)?));
+        let mut others = self.others.lock().unwrap_or_else(|e| e.into_inner());
+        others.push((strengths, Arc::clone(&plan)));
+        if others.len() > OTHER_PLANS {
+            others.remove(0);
+        }
+        Some(plan)
     }
 
-    /// A plan for these charges and for all that `last` serves. Direct where no expansion can be had.
-    fn plan_of(&self, usual: &Plan<E>, last: &E, charges: &ChargeSums) -> Option<Plan<E>> {
-        let strengths = self.norms.strengths(Some(charges));
+    /// Direct where no expansion can be had.
+    fn plan_for(&self, usual: &Plan<E>, strengths: &[Strengths]) -> Option<Plan<E>> {
         let mut geometry = self.geometry.clone();
         for level in &mut geometry.levels {
-            let [values, slopes] = strengths[level.level];
-            let sizes = last.pair_sizes(level.level);
-            let stricter = |own: Option<Strength>, size: f64| {
-                own.map(|own| Strength {
-                    size: own.size.min(size),
-                    through: own.through.min(size),
-                    ..own
-                })
-            };
-            level.values = stricter(values.or(level.values), sizes[0]);
-            level.slopes = stricter(slopes.or(level.slopes), sizes[1]);
+            [level.values, level.slopes] = strengths[level.level];
         }
         let mut expansion = usual.expansion.again()?;
         let trees = usual.trees();
@@ -92,5 +97,18 @@ impl<E: Expansion> Guard<E> {
         let (targets, sources) = (&*trees.target_tree, &*trees.source_tree);
         let lists = Traversal { targets, sources, mask: &mask, far: Far::Nothing }.unmasked();
         Some(Plan::new(usual.expansion.again()?, Scheme::Direct, trees, lists))
+    }
+}
+
+/// No laxer than usual, and a power of two, so that charges that are much the same share a plan.
+fn stricter(own: Strength, usual: Strength) -> Strength {
+    let size = |own: f64, usual: f64| {
+        let least = own.min(usual);
+        if least.is_normal() { least.log2().floor().exp2() } else { least }
+    };
+    Strength {
+        size: size(own.size, usual.size),
+        through: size(own.through, usual.through),
+        ..usual
     }
 }

@@ -12,6 +12,7 @@ pub(crate) mod near;
 pub(crate) mod norms;
 pub(crate) mod pair_time;
 pub(crate) mod passes;
+pub(crate) mod ready;
 pub(crate) mod report;
 pub(crate) mod stats;
 pub(crate) mod times;

@@ -10,19 +10,29 @@ use crate::expansion::{Expansion, SourceOf, TargetOf};
 use crate::interaction::lists::Lists;
 use crate::kernel::slopes::write_slopes;
 use crate::kernel::traits::Kernel;
-use crate::numbers::traits::{Located, Numbers, l2_norm};
+use crate::numbers::traits::{Located, Numbers, Real, Scalar, l2_norm};
+use crate::octree::shape::Shape;
 use crate::octree::trees::Trees;
 use crate::parallel;
-use crate::plan::tuning::{ISOLATED_SHARE, LIKE_SIZES, NEAR_PARTS, NORM_TARGETS, PART_POINTS};
+use crate::plan::tuning::{
+    ISOLATED_SHARE, LIKE_SIZES, NEAR_PARTS, NORM_TARGETS, ONE_SIGN, PART_POINTS,
+};
 
-/// Magnitudes of the kernel at sampled targets.
+/// Values of the kernel at sampled targets, and what follows from them for charges of one size.
 #[derive(Debug)]
 pub(crate) struct Norms {
-    /// What acts on each target.
-    targets: Vec<Vec<Part>>,
-    /// What magnitudes of values and of derivatives are multiplied by.
-    units: [f64; 2],
+    targets: Vec<Target>,
     levels: usize,
+    /// For charges of one size, level by level: of values and of derivatives. None for a level without pairs.
+    pub(crate) usual: Vec<[Option<Strength>; 2]>,
+}
+
+/// What acts on a target.
+#[derive(Debug)]
+struct Target {
+    parts: Vec<Part>,
+    /// The mean of G, and of ∂G/∂x, over each part: one matrix after the other.
+    means: [Vec<f64>; 2],
 }
 
 /// Sources that act on a target alike.
@@ -30,29 +40,28 @@ pub(crate) struct Norms {
 struct Part {
     /// The level of the expansion that carries them, if one does.
     level: Option<usize>,
-    /// Places in tree order.
-    sources: Range<usize>,
+    sources: Sources,
     /// The root mean square of |G| and of |∂G/∂x|.
     magnitudes: [f64; 2],
 }
 
-/// Sums of |q| and |q|² over the charges before each place in tree order, relative to the largest |q|.
-pub(crate) struct ChargeSums([Vec<f64>; 2]);
-
-/// What comes through a level, summed over all sampled targets: for charges of one sign, and of either.
-#[derive(Clone, Copy, Default)]
-struct Total {
-    /// Σ |G|² |q|².
-    received: f64,
-    /// (Σ |q|)².
-    joint: f64,
-    /// Σ over cells of (Σ |q|)², and Σ |q|²: the square of the error if each pair is off by 1. The errors of
-    /// sources in one cell have much in common, so they add up if the charges have one sign; those of
-    /// several cells don't.
-    charges: [f64; 2],
-    /// The same relative to the square of the target's whole sum.
-    relative: [f64; 2],
+#[derive(Clone, Debug)]
+enum Sources {
+    /// Those of a cell, with their number.
+    Cell(usize, usize),
+    /// Places in tree order.
+    Run(Range<usize>),
 }
+
+/// Sizes of charges, and for each cell Σ |q| and (Σ |q|²)^½.
+pub(crate) struct ChargeSums {
+    sizes: Vec<f64>,
+    cells: Vec<[f64; 2]>,
+}
+
+/// What comes through a level at a target if every pair is off by 1, for charges of one sign and of any: sources
+/// of one cell err alike, and add up if the charges have one sign; those of several cells don't.
+type Errors = [f64; 2];
 
 impl Norms {
     /// Samples the targets of a plan with these lists and no mask. O(levels), whatever the number of points.
@@ -65,28 +74,29 @@ impl Norms {
         let count = leaves.len().min(NORM_TARGETS);
         let sampled = |k: usize| {
             let leaf = leaves[(2 * k + 1) * leaves.len() / (2 * count)] as usize;
-            acting_on::<E>(kernel, trees, lists, leaf)
+            Target::new::<E>(kernel, trees, lists, leaf)
         };
         let targets = parallel::map(count, &sampled);
-        let mut norms = Self { targets, units: [1.0; 2], levels: trees.levels() };
-        // Squares stay in the range of numbers.
-        for channel in 0..2 {
-            let magnitudes = || norms.targets.iter().flatten().map(|part| part.magnitudes[channel]);
-            let largest = magnitudes().fold(0.0, f64::max);
-            if largest > 0.0 {
-                norms.units[channel] = largest;
-                let parts = norms.targets.iter_mut().flatten();
-                parts.for_each(|part| part.magnitudes[channel] /= largest);
-            }
-        }
+        let mut norms = Self { targets, levels: trees.levels(), usual: Vec::new() };
+        norms.usual = norms.strengths(None);
         norms
     }
 
-    /// What each level's values and derivatives come to, under some charges or under charges of one size. None
-    /// for a level that no sampled target meets.
-    pub(crate) fn strengths(&self, charges: Option<&ChargeSums>) -> Vec<[Option<Strength>; 2]> {
-        let [values, slopes] = [0, 1].map(|channel| self.strengths_of(channel, charges));
-        values.into_iter().zip(slopes).map(|(value, slope)| [value, slope]).collect()
+    /// The strengths for some charges. Where no sampled target meets a level, pairs count by their own size.
+    pub(crate) fn strengths_for(&self, charges: &ChargeSums) -> Vec<[Option<Strength>; 2]> {
+        let actual = self.strengths(Some(charges));
+        let of_level = |(actual, usual): ([Option<Strength>; 2], &[Option<Strength>; 2])| {
+            [0, 1].map(|channel| {
+                let usual = usual[channel]?;
+                let own = actual[channel].filter(|own| own.size < f64::INFINITY);
+                let alone = Strength { size: usual.pair, through: usual.pair, ..usual };
+                let Strength { size, through, .. } = own.unwrap_or(alone);
+                // A level without pairs stays one.
+                let unmet = usual.size == f64::INFINITY;
+                Some(if unmet { usual } else { Strength { size, through, ..usual } })
+            })
+        };
+        actual.into_iter().zip(&self.usual).map(of_level).collect()
     }
 
     /// Whether there may be charges for which an expansion whose errors are relative to `sizes` makes too
@@ -96,186 +106,226 @@ impl Norms {
         let too_weak = |part: &Part| {
             let Some(level) = part.level else { return false };
             let sizes = sizes(level);
-            (0..2).any(|channel| {
-                sizes[channel] > LIKE_SIZES * part.magnitudes[channel] * self.units[channel]
-            })
+            (0..2).any(|channel| sizes[channel] > LIKE_SIZES * part.magnitudes[channel])
         };
-        self.targets.iter().flatten().any(too_weak)
+        self.targets.iter().flat_map(|target| &target.parts).any(too_weak)
     }
 
-    /// Whether an expansion whose errors are relative to `sizes` is too coarse for these charges.
-    pub(crate) fn forbid(&self, charges: &ChargeSums, sizes: impl Fn(usize) -> [f64; 2]) -> bool {
-        let strengths = self.strengths(Some(charges));
-        (0..2).any(|channel| {
-            let squares = strengths.iter().enumerate().map(|(level, strengths)| {
-                strengths[channel].map_or(0.0, |own| (sizes(level)[channel] / own.size).powi(2))
-            });
-            squares.sum::<f64>() > LIKE_SIZES * LIKE_SIZES
-        })
+    fn strengths(&self, charges: Option<&ChargeSums>) -> Vec<[Option<Strength>; 2]> {
+        let [values, slopes] = [0, 1].map(|channel| self.strengths_of(channel, charges));
+        values.into_iter().zip(slopes).map(|(value, slope)| [value, slope]).collect()
     }
 
     fn strengths_of(&self, channel: usize, charges: Option<&ChargeSums>) -> Vec<Option<Strength>> {
-        let sums = |sources: &Range<usize>| {
-            let count = sources.len() as f64;
-            charges.map_or([count; 2], |sums| sums.of(sources.clone()))
-        };
-        // Σ |G| |q| and Σ |G|² |q|² at each target.
-        let whole = |parts: &Vec<Part>| {
-            parts.iter().fold([0.0; 2], |[one_sign, any_sign], part| {
-                let ([q, squares], g) = (sums(&part.sources), part.magnitudes[channel]);
-                [one_sign + g * q, any_sign + g * g * squares]
-            })
-        };
-        let wholes: Vec<[f64; 2]> = self.targets.iter().map(whole).collect();
-        let squares = [
-            floored(wholes.iter().map(|whole| whole[0] * whole[0]).collect()),
-            floored(wholes.iter().map(|whole| whole[1]).collect()),
-        ];
-        let means = squares.each_ref().map(|squares| squares.iter().sum::<f64>());
-        let mut levels = vec![Total::default(); self.levels];
-        for (i, parts) in self.targets.iter().enumerate() {
-            let mut far = vec![0.0; self.levels];
-            for Part { level, sources, magnitudes } in parts {
-                let Some(level) = *level else { continue };
-                far[level] += sums(sources)[0];
-                let (total, [q, any_sign]) = (&mut levels[level], sums(sources));
-                total.received += magnitudes[channel].powi(2) * any_sign;
-                for (k, charges) in [q * q, any_sign].into_iter().enumerate() {
-                    total.charges[k] += charges;
-                    total.relative[k] += charges / squares[k][i];
+        let mut wholes = [Vec::new(), Vec::new()];
+        // Of each level at each target; and what its pairs carry.
+        let mut errors = vec![vec![Errors::default(); self.targets.len()]; self.levels];
+        let mut carried = vec![[0.0f64; 2]; self.levels];
+        let mut joint = vec![0.0f64; self.levels];
+        for (i, target) in self.targets.iter().enumerate() {
+            let means = target.means[channel].chunks_exact(target.len(channel));
+            let (mut sum, mut any_sign) = (vec![0.0; target.len(channel)], 0.0f64);
+            let mut linear = vec![0.0; self.levels];
+            for (part, mean) in target.parts.iter().zip(means) {
+                let [q, norm] = part.sources.charges(charges);
+                let received = part.magnitudes[channel] * norm;
+                any_sign = any_sign.hypot(received);
+                sum.iter_mut().zip(mean).for_each(|(sum, g)| *sum += g * q);
+                if let Some(level) = part.level {
+                    let error = &mut errors[level][i];
+                    *error = [error[0].hypot(q), error[1].hypot(norm)];
+                    linear[level] += q;
+                    carried[level] =
+                        [carried[level][0].hypot(received), carried[level][1].hypot(norm)];
                 }
             }
-            levels
-                .iter_mut()
-                .zip(far)
-                .for_each(|(total, q): (&mut Total, f64)| total.joint += q * q);
+            joint.iter_mut().zip(linear).for_each(|(joint, q)| *joint = joint.hypot(q));
+            wholes[0].push(l2_norm(sum.into_iter()).max(any_sign));
+            wholes[1].push(any_sign);
         }
-        let count = self.targets.len() as f64;
-        let size = |total: &Total| {
-            let error = |k: usize| (total.relative[k] / count).max(total.charges[k] / means[k]);
-            self.units[channel] / error(0).max(error(1)).sqrt()
+        let wholes = wholes.map(floored);
+        let size = |errors: &[Errors]| {
+            let of_kind = |kind: usize| {
+                let each = || errors.iter().map(|error| error[kind]);
+                let relative = each()
+                    .zip(&wholes[kind])
+                    .map(|(error, whole)| if error == 0.0 { 0.0 } else { error / whole });
+                let relative: Vec<f64> = relative.collect();
+                let own = l2_norm(relative.iter().copied()) / (errors.len() as f64).sqrt();
+                let all = l2_norm(each()) / l2_norm(wholes[kind].iter().copied());
+                own.max(all)
+            };
+            (ONE_SIGN * of_kind(0)).max(of_kind(1)).recip()
         };
-        let mut through = Total::default();
-        let strength = |own: Total| {
-            through.add(&own);
-            let pair = self.units[channel] * (own.received / own.charges[1]).sqrt();
-            let met = own.charges[1] > 0.0;
+        let mut through = vec![Errors::default(); self.targets.len()];
+        let mut strengths = Vec::new();
+        for (level, errors) in errors.iter().enumerate() {
+            for (sum, own) in through.iter_mut().zip(errors) {
+                *sum = [sum[0].hypot(own[0]), sum[1].hypot(own[1])];
+            }
+            let [received, norm] = carried[level];
+            let cells = (joint[level] / l2_norm(errors.iter().map(|error| error[0]))).powi(2);
             let [pair, cells] =
-                [pair, own.joint / own.charges[0]].map(|number| if met { number } else { 0.0 });
-            let strength = Strength { pair, cells, size: size(&own), through: size(&through) };
-            (strength.through.is_finite() && strength.through > 0.0).then_some(strength)
-        };
-        levels.into_iter().map(strength).collect()
+                [received / norm, cells].map(|number| if norm > 0.0 { number } else { 0.0 });
+            let strength = Strength { pair, cells, size: size(errors), through: size(&through) };
+            let known = charges.is_some() || strength.through > 0.0;
+            strengths.push((known && strength.through.is_finite()).then_some(strength));
+        }
+        strengths
     }
 }
 
-impl Total {
-    fn add(&mut self, other: &Self) {
-        self.received += other.received;
-        self.joint += other.joint;
-        for k in 0..2 {
-            self.charges[k] += other.charges[k];
-            self.relative[k] += other.relative[k];
-        }
-    }
+/// Whether an expansion whose errors are relative to `sizes` is too coarse for charges with these strengths.
+pub(crate) fn forbid(
+    strengths: &[[Option<Strength>; 2]],
+    sizes: impl Fn(usize) -> [f64; 2],
+) -> bool {
+    (0..2).any(|channel| {
+        let relative = strengths.iter().enumerate().map(|(level, strengths)| {
+            let size = sizes(level)[channel];
+            strengths[channel].map_or(0.0, |own| if size > 0.0 { size / own.size } else { 0.0 })
+        });
+        relative.map(|error| error * error).sum::<f64>() > LIKE_SIZES * LIKE_SIZES
+    })
 }
 
 impl ChargeSums {
-    /// The sums of charges whose places in the caller's order are given in tree order. O(N).
-    pub(crate) fn new<Q: Numbers>(charges: &[Q], order: &[u32]) -> Self {
+    /// The sums of charges that are given in the caller's order; none if all are zero. O(N).
+    pub(crate) fn new<Q: Numbers>(charges: &[Q], shape: &Shape) -> Option<Self> {
+        let order = &shape.order;
         let sizes: Vec<f64> = parallel::map(order.len(), &|i| charges[order[i] as usize].norm());
         let largest = sizes.iter().fold(0.0, |a: f64, &b| a.max(b));
-        let unit = if largest > 0.0 { largest } else { 1.0 };
-        Self([1, 2].map(|power| {
-            let mut sum = 0.0;
-            let sums = sizes.iter().map(|size| {
-                sum += (size / unit).powi(power);
-                sum
-            });
-            std::iter::once(0.0).chain(sums).collect()
-        }))
-    }
-
-    /// Σ |q| and Σ |q|².
-    fn of(&self, sources: Range<usize>) -> [f64; 2] {
-        [0, 1].map(|power| self.0[power][sources.end] - self.0[power][sources.start])
+        if largest == 0.0 {
+            return None;
+        }
+        let sizes: Vec<f64> = sizes.into_iter().map(|size| size / largest).collect();
+        let mut cells = vec![[0.0; 2]; shape.nodes.len()];
+        // Children come after their parents.
+        for (c, node) in shape.nodes.iter().enumerate().rev() {
+            let children = node.children();
+            cells[c] = if children.is_empty() {
+                let own = &sizes[node.points()];
+                [own.iter().sum(), l2_norm(own.iter().copied())]
+            } else {
+                let own = &cells[children];
+                [own.iter().map(|sums| sums[0]).sum(), l2_norm(own.iter().map(|sums| sums[1]))]
+            };
+        }
+        Some(Self { sizes, cells })
     }
 }
 
-/// What acts on a target of a leaf, by the lists.
-fn acting_on<E: Expansion>(
-    kernel: &E::Kernel,
-    trees: &Trees<SourceOf<E>, TargetOf<E>>,
-    lists: &Lists,
-    leaf: usize,
-) -> Vec<Part> {
-    let (shape, cells) = (&trees.target_tree.shape, &trees.source_tree.shape.nodes);
-    let points = shape.nodes[leaf].points();
-    let x = &trees.targets[points.start + points.len() / 2];
-    let mut parts = Vec::new();
-    let near = lists.near.of(leaf);
-    let sources: usize = near.iter().map(|run| (run.last - run.first) as usize).sum();
-    let together = sources.div_ceil(NEAR_PARTS).max(1);
-    for run in near {
-        let run = run.first as usize..run.last as usize;
-        let starts = run.clone().step_by(together);
-        parts.extend(starts.map(|start| (None, start..run.end.min(start + together))));
+impl Sources {
+    /// Σ |q| and (Σ |q|²)^½; of charges of one size if none are given.
+    fn charges(&self, charges: Option<&ChargeSums>) -> [f64; 2] {
+        match (self, charges) {
+            (Self::Cell(cell, _), Some(sums)) => sums.cells[*cell],
+            (Self::Run(run), Some(sums)) => {
+                let own = &sums.sizes[run.clone()];
+                [own.iter().sum(), l2_norm(own.iter().copied())]
+            }
+            (Self::Cell(_, count), None) => [*count as f64, (*count as f64).sqrt()],
+            (Self::Run(run), None) => [run.len() as f64, (run.len() as f64).sqrt()],
+        }
     }
-    let far = |level: usize, s: u32| (Some(level), cells[s as usize].points());
-    parts.extend(lists.m2p.of(leaf).iter().map(|&s| far(cells[s as usize].level(), s)));
-    for cell in shape.path_to_root(leaf) {
-        let met = lists.m2l.of(cell).iter().chain(lists.p2l.of(cell));
-        parts.extend(met.map(|&s| far(shape.nodes[cell].level(), s)));
-    }
+}
 
-    let samples = |range: &Range<usize>| range.len().min(PART_POINTS);
-    let place = |range: &Range<usize>, k: usize| {
-        range.start + (2 * k + 1) * range.len() / (2 * samples(range))
-    };
-    let ys: Vec<_> = parts
-        .iter()
-        .flat_map(|(_, range)| (0..samples(range)).map(|k| place(range, k)))
-        .map(|place| trees.sources[place].position())
-        .collect();
-    let (xs, len) = ([x.position()], kernel.fields() * kernel.densities());
-    let zero = <<E::Kernel as Kernel>::Entry as Numbers>::zero();
-    let sizes = |g: &[_], len: usize| -> Vec<f64> {
-        let size = |(g, y): (&[_], _)| {
-            let size = l2_norm(g.iter().copied());
-            // A point may be singular to itself; what is infinite elsewhere, sums will tell.
-            if xs[0] == y || !size.is_finite() { 0.0 } else { size }
+impl Target {
+    /// What acts on a target of a leaf, by the lists.
+    fn new<E: Expansion>(
+        kernel: &E::Kernel,
+        trees: &Trees<SourceOf<E>, TargetOf<E>>,
+        lists: &Lists,
+        leaf: usize,
+    ) -> Self {
+        let (shape, cells) = (&trees.target_tree.shape, &trees.source_tree.shape.nodes);
+        let points = shape.nodes[leaf].points();
+        let x = trees.targets[points.start + points.len() / 2].position();
+        let mut parts: Vec<(Option<usize>, Sources, Range<usize>)> = Vec::new();
+        let near = lists.near.of(leaf);
+        let sources: usize = near.iter().map(|run| (run.last - run.first) as usize).sum();
+        let together = sources.div_ceil(NEAR_PARTS).max(1);
+        for run in near {
+            let run = run.first as usize..run.last as usize;
+            parts.extend(run.clone().step_by(together).map(|start| {
+                let run = start..run.end.min(start + together);
+                (None, Sources::Run(run.clone()), run)
+            }));
+        }
+        let far = |level: usize, s: u32| {
+            let points = cells[s as usize].points();
+            (Some(level), Sources::Cell(s as usize, points.len()), points)
         };
-        g.chunks_exact(len).zip(ys.iter().copied()).map(size).collect()
-    };
-    let mut g = vec![zero; ys.len() * len];
-    kernel.entries_block(&xs, &ys, &mut g);
-    let values = sizes(&g, len);
-    let slopes = if kernel.needs_gradients() {
-        g = vec![zero; ys.len() * 3 * len];
-        write_slopes(kernel, &xs, &ys, &mut g);
-        sizes(&g, 3 * len)
-    } else {
-        vec![0.0; ys.len()]
-    };
-    let mut first = 0;
-    let part = |(level, range): (Option<usize>, Range<usize>)| {
-        let own = first..first + samples(&range);
-        first = own.end;
-        let mean = |sizes: &[f64]| l2_norm(sizes.iter().copied()) / (sizes.len() as f64).sqrt();
-        let magnitudes = [&values, &slopes].map(|sizes| mean(&sizes[own.clone()]));
-        Part { level, sources: range, magnitudes }
-    };
-    parts.into_iter().map(part).collect()
+        parts.extend(lists.m2p.of(leaf).iter().map(|&s| far(cells[s as usize].level(), s)));
+        for cell in shape.path_to_root(leaf) {
+            let met = lists.m2l.of(cell).iter().chain(lists.p2l.of(cell));
+            parts.extend(met.map(|&s| far(shape.nodes[cell].level(), s)));
+        }
+
+        let samples = |range: &Range<usize>| range.len().min(PART_POINTS);
+        let place = |range: &Range<usize>, k: usize| {
+            range.start + (2 * k + 1) * range.len() / (2 * samples(range))
+        };
+        let places =
+            parts.iter().flat_map(|(_, _, range)| (0..samples(range)).map(|k| place(range, k)));
+        let ys: Vec<_> = places.map(|place| trees.sources[place].position()).collect();
+        let len = kernel.fields() * kernel.densities();
+        let zero = <<E::Kernel as Kernel>::Entry as Numbers>::zero();
+        let mut values = vec![zero; ys.len() * len];
+        kernel.entries_block(&[x], &ys, &mut values);
+        let mut slopes = vec![zero; ys.len() * if kernel.needs_gradients() { 3 * len } else { 0 }];
+        if !slopes.is_empty() {
+            write_slopes(kernel, &[x], &ys, &mut slopes);
+        }
+        let of_parts = |entries: &[<E::Kernel as Kernel>::Entry]| {
+            let each = entries.len() / ys.len().max(1);
+            let numbers = |g: &[<E::Kernel as Kernel>::Entry], y| -> Vec<f64> {
+                let numbers: Vec<f64> =
+                    g.iter().flat_map(|g| g.parts()).map(Real::as_f64).collect();
+                // A point may be singular to itself; what is infinite elsewhere, sums will tell.
+                let counts = x != y && numbers.iter().all(|number| number.is_finite());
+                if counts { numbers } else { vec![0.0; numbers.len()] }
+            };
+            let (mut means, mut magnitudes, mut at) = (Vec::new(), Vec::new(), 0);
+            for (_, _, range) in &parts {
+                let count = samples(range);
+                let mut mean = vec![0.0; 2 * each];
+                let mut magnitude = 0.0f64;
+                for k in at..at + count {
+                    let numbers = numbers(&entries[k * each..][..each], ys[k]);
+                    magnitude = magnitude.hypot(l2_norm(numbers.iter().copied()));
+                    mean.iter_mut().zip(numbers).for_each(|(mean, g)| *mean += g / count as f64);
+                }
+                at += count;
+                means.extend(mean);
+                magnitudes.push(magnitude / (count as f64).sqrt());
+            }
+            (means, magnitudes)
+        };
+        let (values, value_sizes) = of_parts(&values);
+        let (slopes, slope_sizes) = of_parts(&slopes);
+        let part = |(k, (level, sources, _)): (usize, (_, Sources, _))| {
+            let magnitudes = [value_sizes[k], slope_sizes[k]];
+            Part { level, sources, magnitudes }
+        };
+        let parts = parts.into_iter().enumerate().map(part).collect();
+        Self { parts, means: [values, slopes] }
+    }
+
+    /// How many numbers make up a matrix.
+    fn len(&self, channel: usize) -> usize {
+        (self.means[channel].len() / self.parts.len().max(1)).max(1)
+    }
 }
 
-/// Squares of whole sums, none less than a part of what is usual: targets with next to nothing can't ask for
-/// digits of it. Usual is the mean of all but the largest tenth, which close pairs may have made large.
-fn floored(mut squares: Vec<f64>) -> Vec<f64> {
-    let mut sorted = squares.clone();
+/// Whole sums, none less than a part of what is usual: targets with next to nothing can't ask for digits of it.
+/// Usual is the root mean square of all but the largest tenth, which close pairs may have made large.
+fn floored(mut sums: Vec<f64>) -> Vec<f64> {
+    let mut sorted = sums.clone();
     sorted.sort_unstable_by(f64::total_cmp);
-    let mean = |squares: &[f64]| squares.iter().sum::<f64>() / squares.len().max(1) as f64;
+    let mean = |sums: &[f64]| l2_norm(sums.iter().copied()) / (sums.len().max(1) as f64).sqrt();
     let most = mean(&sorted[..(9 * sorted.len()).div_ceil(10)]);
     let usual = if most > 0.0 { most } else { mean(&sorted) };
-    squares.iter_mut().for_each(|square| *square = square.max(ISOLATED_SHARE.powi(2) * usual));
-    squares
+    sums.iter_mut().for_each(|sum| *sum = sum.max(ISOLATED_SHARE * usual));
+    sums
 }

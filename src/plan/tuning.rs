@@ -32,6 +32,12 @@ pub(crate) const NEAR_PARTS: usize = 1024;
 /// The share of other sums that targets with next to none are held against.
 pub(crate) const ISOLATED_SHARE: f64 = 1.0 / 16.0;
 
+/// By how much more errors may add up if charges have one sign.
+pub(crate) const ONE_SIGN: f64 = 2.0;
+
+/// How many plans for charges of unlike size are kept.
+pub(crate) const OTHER_PLANS: usize = 4;
+
 /// By what factor errors may grow with charges of unlike size before an expansion is prepared for them.
 pub(crate) const LIKE_SIZES: f64 = 2.0;
 
