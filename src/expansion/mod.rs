@@ -59,7 +59,7 @@ pub trait Expansion: Send + Sync {
         Ok(())
     }
 
-    /// The same expansion, not prepared, if it heeds [`Strength`]: the engine prepares it again for charges
+    /// The same expansion, not prepared, if it heeds [`Strength`](crate::Strength): the engine prepares it again for charges
     /// under which pairs may be off by less. By default none, and strengths are not measured.
     fn again(&self) -> Option<Self>
     where

@@ -77,7 +77,8 @@ impl Scale {
             served.clone().filter(|served| served.cells < cells).map(square).sum()
         };
         let [one, few] = [ONE, FEW].map(|cells| 2.0 * from(cells) > sum);
-        let size = rounded(sum.sqrt().recip(), model.all());
+        let size = sum.sqrt().recip() / if few && !one { SPARE } else { 1.0 };
+        let size = rounded(size, model.all());
         let farther = served.map(|served| served.size / served.through).fold(1.0, f64::max);
         Self {
             model,
@@ -102,8 +103,11 @@ impl Scale {
 }
 
 /// Where fewer cells than these share a field, they may all be among the nearest, and their points in corners.
-const FEW: f64 = 4.5;
+pub(crate) const FEW: f64 = 4.5;
 const ONE: f64 = 1.5;
+
+/// By how much smaller errors have to be in the first case; in the second, corners are measured.
+const SPARE: f64 = 2.0;
 
 /// A size that differs from `unit` by a power of two, so that operators serve other points as well: the next
 /// smaller one, or a slightly larger one.

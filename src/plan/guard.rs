@@ -21,9 +21,11 @@ pub(crate) struct Guard<E: Expansion> {
     norms: Norms,
     geometry: Geometry<RealOf<E>>,
     /// The plans that were used last for other charges, with what they were made for.
-    others: Mutex<Vec<(Vec<Strengths>, Arc<Ready<E>>)>>,
+    others: Mutex<Vec<Other<E>>>,
     applications: AtomicUsize,
 }
+
+type Other<E> = (Vec<Strengths>, Arc<Ready<E>>);
 
 impl<E: Expansion> Guard<E> {
     /// For a plan of that geometry.

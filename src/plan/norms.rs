@@ -8,6 +8,7 @@ use std::ops::Range;
 use crate::expansion::geometry::Strength;
 use crate::expansion::{Expansion, SourceOf, TargetOf};
 use crate::interaction::lists::Lists;
+use crate::interpolation::scale::FEW;
 use crate::kernel::slopes::write_slopes;
 use crate::kernel::traits::Kernel;
 use crate::numbers::traits::{Located, Numbers, Real, Scalar, l2_norm};
@@ -144,7 +145,9 @@ impl Norms {
             wholes[1].push(any_sign);
         }
         let wholes = wholes.map(floored);
-        let size = |errors: &[Errors]| {
+        // Between few cells, errors of all levels may have one sign as well.
+        let met = carried.iter().filter(|carried| carried[1] > 0.0).count() as f64;
+        let size = |errors: &[Errors], cells: f64| {
             let of_kind = |kind: usize| {
                 let each = || errors.iter().map(|error| error[kind]);
                 let relative = each()
@@ -155,7 +158,8 @@ impl Norms {
                 let all = l2_norm(each()) / l2_norm(wholes[kind].iter().copied());
                 own.max(all)
             };
-            (ONE_SIGN * of_kind(0)).max(of_kind(1)).recip()
+            let alike = if cells < FEW { ONE_SIGN * met.sqrt() } else { ONE_SIGN };
+            (alike * of_kind(0)).max(of_kind(1)).recip()
         };
         let mut through = vec![Errors::default(); self.targets.len()];
         let mut strengths = Vec::new();
@@ -167,7 +171,8 @@ impl Norms {
             let cells = (joint[level] / l2_norm(errors.iter().map(|error| error[0]))).powi(2);
             let [pair, cells] =
                 [received / norm, cells].map(|number| if norm > 0.0 { number } else { 0.0 });
-            let strength = Strength { pair, cells, size: size(errors), through: size(&through) };
+            let [size, through] = [size(errors, cells), size(&through, cells)];
+            let strength = Strength { pair, cells, size, through };
             let known = charges.is_some() || strength.through > 0.0;
             strengths.push((known && strength.through.is_finite()).then_some(strength));
         }
