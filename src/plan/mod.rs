@@ -1,6 +1,7 @@
 //! A plan and what an application of it writes to.
 
 pub(crate) mod builder;
+pub(crate) mod charge_sums;
 pub(crate) mod choice;
 pub(crate) mod choices;
 pub(crate) mod estimate;
@@ -14,6 +15,7 @@ pub(crate) mod pair_time;
 pub(crate) mod passes;
 pub(crate) mod ready;
 pub(crate) mod report;
+pub(crate) mod sampled_target;
 pub(crate) mod stats;
 pub(crate) mod times;
 pub(crate) mod tuning;

@@ -3,21 +3,16 @@
 //! A relative tolerance speaks of whole sums, near field included. What that allows the expansions of a level
 //! follows from magnitudes of the kernel at sampled targets, and from the charges.
 
-use std::ops::Range;
-
 use crate::expansion::geometry::Strength;
 use crate::expansion::{Expansion, SourceOf, TargetOf};
 use crate::interaction::lists::Lists;
 use crate::interpolation::scale::FEW;
-use crate::kernel::slopes::write_slopes;
-use crate::kernel::traits::Kernel;
-use crate::numbers::traits::{Located, Numbers, Real, Scalar, l2_norm};
-use crate::octree::shape::Shape;
+use crate::numbers::traits::l2_norm;
 use crate::octree::trees::Trees;
 use crate::parallel;
-use crate::plan::tuning::{
-    ISOLATED_SHARE, LIKE_SIZES, NEAR_PARTS, NORM_TARGETS, ONE_SIGN, PART_POINTS,
-};
+use crate::plan::charge_sums::ChargeSums;
+use crate::plan::sampled_target::{Part, Target};
+use crate::plan::tuning::{ISOLATED_SHARE, LIKE_SIZES, NORM_TARGETS, ONE_SIGN};
 
 /// Values of the kernel at sampled targets, and what follows from them for charges of one size.
 #[derive(Debug)]
@@ -28,41 +23,22 @@ pub(crate) struct Norms {
     pub(crate) usual: Vec<[Option<Strength>; 2]>,
 }
 
-/// What acts on a target.
-#[derive(Debug)]
-struct Target {
-    parts: Vec<Part>,
-    /// The mean of G, and of ∂G/∂x, over each part: one matrix after the other.
-    means: [Vec<f64>; 2],
-}
-
-/// Sources that act on a target alike.
-#[derive(Debug)]
-struct Part {
-    /// The level of the expansion that carries them, if one does.
-    level: Option<usize>,
-    sources: Sources,
-    /// The root mean square of |G| and of |∂G/∂x|.
-    magnitudes: [f64; 2],
-}
-
-#[derive(Clone, Debug)]
-enum Sources {
-    /// Those of a cell, with their number.
-    Cell(usize, usize),
-    /// Places in tree order.
-    Run(Range<usize>),
-}
-
-/// Sizes of charges, and for each cell Σ |q| and (Σ |q|²)^½.
-pub(crate) struct ChargeSums {
-    sizes: Vec<f64>,
-    cells: Vec<[f64; 2]>,
-}
-
 /// What comes through a level at a target if every pair is off by 1, for charges of one sign and of any: sources
 /// of one cell err alike, and add up if the charges have one sign; those of several cells don't.
 type Errors = [f64; 2];
+
+/// What passes through a level.
+#[derive(Clone)]
+struct Passing {
+    /// At each target.
+    errors: Vec<Errors>,
+    /// Σ |q| at each target.
+    joint: Vec<f64>,
+    /// (Σ |G|² |q|²)^½ over all targets.
+    received: f64,
+    /// (Σ |q|²)^½ over all targets.
+    charges: f64,
+}
 
 impl Norms {
     /// Samples the targets of a plan with these lists and no mask. O(levels), whatever the number of points.
@@ -119,65 +95,81 @@ impl Norms {
 
     fn strengths_of(&self, channel: usize, charges: Option<&ChargeSums>) -> Vec<Option<Strength>> {
         let mut wholes = [Vec::new(), Vec::new()];
-        // Of each level at each target; and what its pairs carry.
-        let mut errors = vec![vec![Errors::default(); self.targets.len()]; self.levels];
-        let mut carried = vec![[0.0f64; 2]; self.levels];
-        let mut joint = vec![0.0f64; self.levels];
+        let mut levels = vec![Passing::new(self.targets.len()); self.levels];
         for (i, target) in self.targets.iter().enumerate() {
             let means = target.means[channel].chunks_exact(target.len(channel));
             let (mut sum, mut any_sign) = (vec![0.0; target.len(channel)], 0.0f64);
-            let mut linear = vec![0.0; self.levels];
             for (part, mean) in target.parts.iter().zip(means) {
                 let [q, norm] = part.sources.charges(charges);
                 let received = part.magnitudes[channel] * norm;
                 any_sign = any_sign.hypot(received);
                 sum.iter_mut().zip(mean).for_each(|(sum, g)| *sum += g * q);
                 if let Some(level) = part.level {
-                    let error = &mut errors[level][i];
-                    *error = [error[0].hypot(q), error[1].hypot(norm)];
-                    linear[level] += q;
-                    carried[level] =
-                        [carried[level][0].hypot(received), carried[level][1].hypot(norm)];
+                    levels[level].add(i, [q, norm], received);
                 }
             }
-            joint.iter_mut().zip(linear).for_each(|(joint, q)| *joint = joint.hypot(q));
             wholes[0].push(l2_norm(sum.into_iter()).max(any_sign));
             wholes[1].push(any_sign);
         }
         let wholes = wholes.map(floored);
-        // Between few cells, errors of all levels may have one sign as well.
-        let met = carried.iter().filter(|carried| carried[1] > 0.0).count() as f64;
+        let met = levels.iter().filter(|own| own.charges > 0.0).count() as f64;
         let size = |errors: &[Errors], cells: f64| {
-            let of_kind = |kind: usize| {
-                let each = || errors.iter().map(|error| error[kind]);
-                let relative = each()
-                    .zip(&wholes[kind])
-                    .map(|(error, whole)| if error == 0.0 { 0.0 } else { error / whole });
-                let relative: Vec<f64> = relative.collect();
-                let own = l2_norm(relative.iter().copied()) / (errors.len() as f64).sqrt();
-                let all = l2_norm(each()) / l2_norm(wholes[kind].iter().copied());
-                own.max(all)
-            };
+            let [one_sign, any_sign] = [0, 1].map(|kind| {
+                let errors: Vec<f64> = errors.iter().map(|error| error[kind]).collect();
+                relative(&errors, &wholes[kind])
+            });
+            // Between few cells, errors of all levels may have one sign as well.
             let alike = if cells < FEW { ONE_SIGN * met.sqrt() } else { ONE_SIGN };
-            (alike * of_kind(0)).max(of_kind(1)).recip()
+            (alike * one_sign).max(any_sign).recip()
         };
         let mut through = vec![Errors::default(); self.targets.len()];
-        let mut strengths = Vec::new();
-        for (level, errors) in errors.iter().enumerate() {
-            for (sum, own) in through.iter_mut().zip(errors) {
+        let strength = |own: &Passing| {
+            for (sum, own) in through.iter_mut().zip(&own.errors) {
                 *sum = [sum[0].hypot(own[0]), sum[1].hypot(own[1])];
             }
-            let [received, norm] = carried[level];
-            let cells = (joint[level] / l2_norm(errors.iter().map(|error| error[0]))).powi(2);
-            let [pair, cells] =
-                [received / norm, cells].map(|number| if norm > 0.0 { number } else { 0.0 });
-            let [size, through] = [size(errors, cells), size(&through, cells)];
-            let strength = Strength { pair, cells, size, through };
-            let known = charges.is_some() || strength.through > 0.0;
-            strengths.push((known && strength.through.is_finite()).then_some(strength));
-        }
-        strengths
+            let (pair, cells) = own.pair_and_cells();
+            let [size, through] = [size(&own.errors, cells), size(&through, cells)];
+            // Where all sums are zero there is nothing to be relative to.
+            let known = through.is_finite() && (charges.is_some() || through > 0.0);
+            known.then_some(Strength { pair, cells, size, through })
+        };
+        levels.iter().map(strength).collect()
     }
+}
+
+impl Passing {
+    fn new(targets: usize) -> Self {
+        let errors = vec![Errors::default(); targets];
+        Self { errors, joint: vec![0.0; targets], received: 0.0, charges: 0.0 }
+    }
+
+    /// Adds a part that acts on the i-th target.
+    fn add(&mut self, i: usize, [q, norm]: [f64; 2], received: f64) {
+        let error = &mut self.errors[i];
+        *error = [error[0].hypot(q), error[1].hypot(norm)];
+        self.joint[i] += q;
+        self.received = self.received.hypot(received);
+        self.charges = self.charges.hypot(norm);
+    }
+
+    /// The root mean square of |G|, and how many cells share what a target receives.
+    fn pair_and_cells(&self) -> (f64, f64) {
+        if self.charges == 0.0 {
+            return (0.0, 0.0);
+        }
+        let apart = l2_norm(self.errors.iter().map(|error| error[0]));
+        let cells = (l2_norm(self.joint.iter().copied()) / apart).powi(2);
+        (self.received / self.charges, cells)
+    }
+}
+
+/// Errors relative to whole sums: the root mean square of the quotients, or the quotient of the norms, whichever
+/// is larger.
+fn relative(errors: &[f64], wholes: &[f64]) -> f64 {
+    let quotient = |(&error, &whole): (&f64, &f64)| if error == 0.0 { 0.0 } else { error / whole };
+    let quotients: Vec<f64> = errors.iter().zip(wholes).map(quotient).collect();
+    let each = l2_norm(quotients.into_iter()) / (errors.len() as f64).sqrt();
+    each.max(l2_norm(errors.iter().copied()) / l2_norm(wholes.iter().copied()))
 }
 
 /// Whether an expansion whose errors are relative to `sizes` is too coarse for charges with these strengths.
@@ -192,135 +184,6 @@ pub(crate) fn forbid(
         });
         relative.map(|error| error * error).sum::<f64>() > LIKE_SIZES * LIKE_SIZES
     })
-}
-
-impl ChargeSums {
-    /// The sums of charges that are given in the caller's order; none if all are zero. O(N).
-    pub(crate) fn new<Q: Numbers>(charges: &[Q], shape: &Shape) -> Option<Self> {
-        let order = &shape.order;
-        let sizes: Vec<f64> = parallel::map(order.len(), &|i| charges[order[i] as usize].norm());
-        let largest = sizes.iter().fold(0.0, |a: f64, &b| a.max(b));
-        if largest == 0.0 {
-            return None;
-        }
-        let sizes: Vec<f64> = sizes.into_iter().map(|size| size / largest).collect();
-        let mut cells = vec![[0.0; 2]; shape.nodes.len()];
-        // Children come after their parents.
-        for (c, node) in shape.nodes.iter().enumerate().rev() {
-            let children = node.children();
-            cells[c] = if children.is_empty() {
-                let own = &sizes[node.points()];
-                [own.iter().sum(), l2_norm(own.iter().copied())]
-            } else {
-                let own = &cells[children];
-                [own.iter().map(|sums| sums[0]).sum(), l2_norm(own.iter().map(|sums| sums[1]))]
-            };
-        }
-        Some(Self { sizes, cells })
-    }
-}
-
-impl Sources {
-    /// Σ |q| and (Σ |q|²)^½; of charges of one size if none are given.
-    fn charges(&self, charges: Option<&ChargeSums>) -> [f64; 2] {
-        match (self, charges) {
-            (Self::Cell(cell, _), Some(sums)) => sums.cells[*cell],
-            (Self::Run(run), Some(sums)) => {
-                let own = &sums.sizes[run.clone()];
-                [own.iter().sum(), l2_norm(own.iter().copied())]
-            }
-            (Self::Cell(_, count), None) => [*count as f64, (*count as f64).sqrt()],
-            (Self::Run(run), None) => [run.len() as f64, (run.len() as f64).sqrt()],
-        }
-    }
-}
-
-impl Target {
-    /// What acts on a target of a leaf, by the lists.
-    fn new<E: Expansion>(
-        kernel: &E::Kernel,
-        trees: &Trees<SourceOf<E>, TargetOf<E>>,
-        lists: &Lists,
-        leaf: usize,
-    ) -> Self {
-        let (shape, cells) = (&trees.target_tree.shape, &trees.source_tree.shape.nodes);
-        let points = shape.nodes[leaf].points();
-        let x = trees.targets[points.start + points.len() / 2].position();
-        let mut parts: Vec<(Option<usize>, Sources, Range<usize>)> = Vec::new();
-        let near = lists.near.of(leaf);
-        let sources: usize = near.iter().map(|run| (run.last - run.first) as usize).sum();
-        let together = sources.div_ceil(NEAR_PARTS).max(1);
-        for run in near {
-            let run = run.first as usize..run.last as usize;
-            parts.extend(run.clone().step_by(together).map(|start| {
-                let run = start..run.end.min(start + together);
-                (None, Sources::Run(run.clone()), run)
-            }));
-        }
-        let far = |level: usize, s: u32| {
-            let points = cells[s as usize].points();
-            (Some(level), Sources::Cell(s as usize, points.len()), points)
-        };
-        parts.extend(lists.m2p.of(leaf).iter().map(|&s| far(cells[s as usize].level(), s)));
-        for cell in shape.path_to_root(leaf) {
-            let met = lists.m2l.of(cell).iter().chain(lists.p2l.of(cell));
-            parts.extend(met.map(|&s| far(shape.nodes[cell].level(), s)));
-        }
-
-        let samples = |range: &Range<usize>| range.len().min(PART_POINTS);
-        let place = |range: &Range<usize>, k: usize| {
-            range.start + (2 * k + 1) * range.len() / (2 * samples(range))
-        };
-        let places =
-            parts.iter().flat_map(|(_, _, range)| (0..samples(range)).map(|k| place(range, k)));
-        let ys: Vec<_> = places.map(|place| trees.sources[place].position()).collect();
-        let len = kernel.fields() * kernel.densities();
-        let zero = <<E::Kernel as Kernel>::Entry as Numbers>::zero();
-        let mut values = vec![zero; ys.len() * len];
-        kernel.entries_block(&[x], &ys, &mut values);
-        let mut slopes = vec![zero; ys.len() * if kernel.needs_gradients() { 3 * len } else { 0 }];
-        if !slopes.is_empty() {
-            write_slopes(kernel, &[x], &ys, &mut slopes);
-        }
-        let of_parts = |entries: &[<E::Kernel as Kernel>::Entry]| {
-            let each = entries.len() / ys.len().max(1);
-            let numbers = |g: &[<E::Kernel as Kernel>::Entry], y| -> Vec<f64> {
-                let numbers: Vec<f64> =
-                    g.iter().flat_map(|g| g.parts()).map(Real::as_f64).collect();
-                // A point may be singular to itself; what is infinite elsewhere, sums will tell.
-                let counts = x != y && numbers.iter().all(|number| number.is_finite());
-                if counts { numbers } else { vec![0.0; numbers.len()] }
-            };
-            let (mut means, mut magnitudes, mut at) = (Vec::new(), Vec::new(), 0);
-            for (_, _, range) in &parts {
-                let count = samples(range);
-                let mut mean = vec![0.0; 2 * each];
-                let mut magnitude = 0.0f64;
-                for k in at..at + count {
-                    let numbers = numbers(&entries[k * each..][..each], ys[k]);
-                    magnitude = magnitude.hypot(l2_norm(numbers.iter().copied()));
-                    mean.iter_mut().zip(numbers).for_each(|(mean, g)| *mean += g / count as f64);
-                }
-                at += count;
-                means.extend(mean);
-                magnitudes.push(magnitude / (count as f64).sqrt());
-            }
-            (means, magnitudes)
-        };
-        let (values, value_sizes) = of_parts(&values);
-        let (slopes, slope_sizes) = of_parts(&slopes);
-        let part = |(k, (level, sources, _)): (usize, (_, Sources, _))| {
-            let magnitudes = [value_sizes[k], slope_sizes[k]];
-            Part { level, sources, magnitudes }
-        };
-        let parts = parts.into_iter().enumerate().map(part).collect();
-        Self { parts, means: [values, slopes] }
-    }
-
-    /// How many numbers make up a matrix.
-    fn len(&self, channel: usize) -> usize {
-        (self.means[channel].len() / self.parts.len().max(1)).max(1)
-    }
 }
 
 /// Whole sums, none less than a part of what is usual: targets with next to nothing can't ask for digits of it.

@@ -214,6 +214,62 @@ fn charges_that_are_only_far_away_keep_the_tolerance() {
 }
 
 #[test]
+fn charges_where_next_to_nothing_arrives_keep_the_tolerance() {
+    // Squares of what arrives are no numbers any more.
+    let ball = |at: f64, seed: u64| {
+        cube(1000, seed).into_iter().map(move |p| DVec3::splat(at) + (p - DVec3::splat(0.5)) * 0.2)
+    };
+    let targets: Vec<DVec3> = ball(0.1, 22).collect();
+    let sources: Vec<DVec3> = targets.iter().copied().chain(ball(0.9, 23)).collect();
+    let kernel = plain(|x: DVec3, y: DVec3| (-300.0 * x.distance(y)).exp());
+    let fmm = Fmm::builder(kernel).tolerance(1e-3).leaf_size(30).build(&sources, &targets).unwrap();
+    let mut qs = vec![0.0; 1000];
+    qs.resize(2000, 1.0);
+    let exact = direct(&kernel, &sources, &qs, &targets).unwrap();
+    let error = farfield::relative_l2_error(&fmm.apply(&qs).unwrap(), &exact);
+    assert!(error <= 1e-3, "{error:e}");
+}
+
+#[test]
+fn charges_that_no_sampled_target_meets_keep_the_tolerance() {
+    // Sites with sources and targets together, but for one, which alone has charges.
+    let sites = (0..64).map(|i| DVec3::new((i % 4) as f64, (i / 4 % 4) as f64, (i / 16) as f64));
+    let (mut ys, mut xs, mut qs) = (Vec::new(), Vec::new(), Vec::new());
+    for (i, site) in sites.enumerate() {
+        let site = site * 0.25 + cube(64, 24)[i] * 0.07;
+        let ball = |at: DVec3, seed: u64| {
+            cube(40, seed).into_iter().map(move |p| at + (p - DVec3::splat(0.5)) * 0.01)
+        };
+        let alone = i == 17;
+        ys.extend(ball(site, 2 * i as u64));
+        let aside = if alone { DVec3::new(0.025, 0.0075, 0.005) } else { DVec3::ZERO };
+        xs.extend(ball(site + aside, 2 * i as u64 + 1));
+        qs.resize(ys.len(), f64::from(u8::from(alone)));
+    }
+    let formula: Formula = |x, y| {
+        let r = x.distance(y);
+        (-(r / 0.0125).powi(2)).exp() / r.powi(3)
+    };
+    let fmm = Fmm::builder(plain(formula)).tolerance(1e-3).leaf_size(30).build(&ys, &xs).unwrap();
+    let error = error_at(&xs, formula, &ys, &qs, &fmm.apply(&qs).unwrap());
+    assert!(error <= 1e-3, "{error:e}");
+}
+
+#[test]
+fn sums_depend_on_their_charges_alone() {
+    let points = cube(3000, 25);
+    let series: Vec<f64> = (0..3000).map(|i| 10f64.powf(-12.0 * f64::from(i) / 3000.0)).collect();
+    let few: Vec<f64> = (0..3000).map(|i| f64::from(u8::from(i < 40))).collect();
+    let kernel = plain(|x: DVec3, y: DVec3| (-8.0 * x.distance(y)).exp() / x.distance_squared(y));
+    let fmm = Fmm::builder(kernel).tolerance(1e-4).leaf_size(30).build(&points, &points).unwrap();
+    let first = fmm.apply(&series).unwrap();
+    let of_few = fmm.apply(&few).unwrap();
+    assert!(fmm.report().unusual_applications > 0);
+    assert_eq!(fmm.apply_timed(&series).unwrap().0, first);
+    assert_eq!(fmm.apply_certified(&few).unwrap().0, of_few);
+}
+
+#[test]
 fn clusters_that_face_each_other_keep_the_tolerance() {
     // All that is far comes from one cell, and from its corner.
     let cluster = |corner: f64, seed: u64| {

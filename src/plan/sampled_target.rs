@@ -1,0 +1,156 @@
+//! What acts on a target, by the lists.
+
+use std::ops::Range;
+
+use crate::expansion::{Expansion, SourceOf, TargetOf};
+use crate::interaction::lists::Lists;
+use crate::kernel::slopes::write_slopes;
+use crate::kernel::traits::Kernel;
+use crate::numbers::traits::{Located, Numbers, Real, Scalar, l2_norm};
+use crate::octree::trees::Trees;
+use crate::plan::charge_sums::ChargeSums;
+use crate::plan::tuning::{NEAR_PARTS, PART_POINTS};
+
+/// What acts on a target.
+#[derive(Debug)]
+pub(crate) struct Target {
+    pub(crate) parts: Vec<Part>,
+    /// The mean of G, and of ∂G/∂x, over each part: one matrix after the other.
+    pub(crate) means: [Vec<f64>; 2],
+}
+
+/// Sources that act on a target alike.
+#[derive(Debug)]
+pub(crate) struct Part {
+    /// The level of the expansion that carries them, if one does.
+    pub(crate) level: Option<usize>,
+    pub(crate) sources: Sources,
+    /// The root mean square of |G| and of |∂G/∂x|.
+    pub(crate) magnitudes: [f64; 2],
+}
+
+#[derive(Clone, Debug)]
+pub(crate) enum Sources {
+    /// Those of a cell, with their places in tree order.
+    Cell(usize, Range<usize>),
+    /// Places in tree order.
+    Run(Range<usize>),
+}
+
+impl Sources {
+    /// Σ |q| and (Σ |q|²)^½; of charges of one size if none are given.
+    pub(crate) fn charges(&self, charges: Option<&ChargeSums>) -> [f64; 2] {
+        match (self, charges) {
+            (Self::Cell(cell, _), Some(sums)) => sums.cells[*cell],
+            (Self::Run(run), Some(sums)) => {
+                let own = &sums.sizes[run.clone()];
+                [own.iter().sum(), l2_norm(own.iter().copied())]
+            }
+            (_, None) => [self.places().len() as f64, (self.places().len() as f64).sqrt()],
+        }
+    }
+
+    fn places(&self) -> &Range<usize> {
+        match self {
+            Self::Cell(_, places) | Self::Run(places) => places,
+        }
+    }
+
+    /// Some of the places, spread over all.
+    fn samples(&self) -> impl ExactSizeIterator<Item = usize> {
+        let Range { start, end } = *self.places();
+        let count = (end - start).min(PART_POINTS);
+        (0..count).map(move |k| start + (2 * k + 1) * (end - start) / (2 * count))
+    }
+}
+
+impl Target {
+    /// What acts on a target of a leaf.
+    pub(crate) fn new<E: Expansion>(
+        kernel: &E::Kernel,
+        trees: &Trees<SourceOf<E>, TargetOf<E>>,
+        lists: &Lists,
+        leaf: usize,
+    ) -> Self {
+        let points = trees.target_tree.shape.nodes[leaf].points();
+        let x = trees.targets[points.start + points.len() / 2].position();
+        let (target_cells, source_cells) = (&trees.target_tree.shape, &trees.source_tree.shape);
+        let mut parts = Vec::new();
+        let near = lists.near.of(leaf);
+        let sources: usize = near.iter().map(|run| (run.last - run.first) as usize).sum();
+        let together = sources.div_ceil(NEAR_PARTS).max(1);
+        for run in near {
+            let run = run.first as usize..run.last as usize;
+            let starts = run.clone().step_by(together);
+            let cut = |start| Sources::Run(start..run.end.min(start + together));
+            parts.extend(starts.map(|start| (None, cut(start))));
+        }
+        let far = |level: usize, s: u32| {
+            let points = source_cells.nodes[s as usize].points();
+            (Some(level), Sources::Cell(s as usize, points))
+        };
+        let m2p = lists.m2p.of(leaf).iter();
+        parts.extend(m2p.map(|&s| far(source_cells.nodes[s as usize].level(), s)));
+        for cell in target_cells.path_to_root(leaf) {
+            let met = lists.m2l.of(cell).iter().chain(lists.p2l.of(cell));
+            parts.extend(met.map(|&s| far(target_cells.nodes[cell].level(), s)));
+        }
+
+        let places = parts.iter().flat_map(|(_, sources)| sources.samples());
+        let ys: Vec<_> = places.map(|place| trees.sources[place].position()).collect();
+        let len = kernel.fields() * kernel.densities();
+        let zero = <<E::Kernel as Kernel>::Entry as Numbers>::zero();
+        let mut values = vec![zero; ys.len() * len];
+        kernel.entries_block(&[x], &ys, &mut values);
+        let mut slopes = vec![zero; ys.len() * if kernel.needs_gradients() { 3 * len } else { 0 }];
+        if !slopes.is_empty() {
+            write_slopes(kernel, &[x], &ys, &mut slopes);
+        }
+        // A point may be singular to itself.
+        let apart: Vec<bool> = ys.iter().map(|y| *y != x).collect();
+        let (values, value_sizes) = means(&parts, &values, &apart);
+        let (slopes, slope_sizes) = means(&parts, &slopes, &apart);
+        let sizes = value_sizes.into_iter().zip(slope_sizes);
+        let part = |((level, sources), (value, slope))| Part {
+            level,
+            sources,
+            magnitudes: [value, slope],
+        };
+        let parts = parts.into_iter().zip(sizes).map(part).collect();
+        Self { parts, means: [values, slopes] }
+    }
+
+    /// How many numbers make up a matrix.
+    pub(crate) fn len(&self, channel: usize) -> usize {
+        (self.means[channel].len() / self.parts.len().max(1)).max(1)
+    }
+}
+
+/// The mean over the samples of each part, and the root mean square, of matrices that are given for all samples
+/// one after the other; only those count that are between points apart.
+fn means<S: Scalar>(
+    parts: &[(Option<usize>, Sources)],
+    entries: &[S],
+    apart: &[bool],
+) -> (Vec<f64>, Vec<f64>) {
+    let len = entries.len() / apart.len().max(1);
+    let (mut means, mut sizes, mut at) = (Vec::new(), Vec::new(), 0);
+    for (_, sources) in parts {
+        let samples = at..at + sources.samples().len();
+        let count = samples.len() as f64;
+        at = samples.end;
+        let (mut mean, mut size) = (vec![0.0; 2 * len], 0.0f64);
+        for k in samples.filter(|&k| apart[k]) {
+            let numbers = entries[k * len..][..len].iter().flat_map(|g| g.parts());
+            let numbers: Vec<f64> = numbers.map(Real::as_f64).collect();
+            // What is infinite between points apart, sums will tell.
+            if numbers.iter().all(|number| number.is_finite()) {
+                size = size.hypot(l2_norm(numbers.iter().copied()));
+                mean.iter_mut().zip(numbers).for_each(|(mean, g)| *mean += g / count);
+            }
+        }
+        means.extend(mean);
+        sizes.push(size / count.sqrt());
+    }
+    (means, sizes)
+}
