@@ -59,8 +59,8 @@ pub trait Expansion: Send + Sync {
         Ok(())
     }
 
-    /// The same expansion, not prepared, if it heeds [`Strength`](crate::Strength): the engine prepares it again for charges
-    /// under which pairs may be off by less. By default none, and strengths are not measured.
+    /// The same expansion, not prepared, if it heeds [`Strength`](crate::Strength): the engine prepares it again
+    /// for charges under which pairs may be off by less. By default none, and strengths are not measured.
     fn again(&self) -> Option<Self>
     where
         Self: Sized,
@@ -68,9 +68,9 @@ pub trait Expansion: Send + Sync {
         None
     }
 
-    /// What the errors of a pair at `level` were taken relative to when the expansion was prepared: of values,
-    /// and of derivatives. Half of what the engine measures for some charges, or less, has it prepare the
-    /// expansion [again](Self::again).
+    /// What the errors of a pair at `level` were taken relative to when the expansion was prepared: those of
+    /// values, and those of derivatives. Where some charges allow half of that only, the engine prepares the
+    /// expansion [again](Self::again) for them.
     fn pair_sizes(&self, _level: usize) -> [f64; 2] {
         [0.0; 2]
     }

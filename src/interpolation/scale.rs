@@ -74,7 +74,7 @@ impl Scale {
             };
         }
         let from = |cells: f64| -> f64 {
-            served.clone().filter(|served| served.cells < cells).map(square).sum()
+            served.clone().filter(|served| is_below(served.cells, cells)).map(square).sum()
         };
         let [one, few] = [ONE, FEW].map(|cells| 2.0 * from(cells) > sum);
         let size = sum.sqrt().recip() / if few && !one { SPARE } else { 1.0 };
@@ -100,6 +100,11 @@ impl Scale {
         let error = errors.worst(self.nearest, self.corners);
         if error == 0.0 { 0.0 } else { error / self.size }
     }
+}
+
+/// Whether fewer cells share a field, but not none.
+pub(crate) fn is_below(cells: f64, most: f64) -> bool {
+    cells > 0.0 && cells < most
 }
 
 /// Where fewer cells than these share a field, they may all be among the nearest, and their points in corners.

@@ -6,7 +6,7 @@
 use crate::expansion::geometry::Strength;
 use crate::expansion::{Expansion, SourceOf, TargetOf};
 use crate::interaction::lists::Lists;
-use crate::interpolation::scale::FEW;
+use crate::interpolation::scale::{FEW, is_below};
 use crate::numbers::traits::l2_norm;
 use crate::octree::trees::Trees;
 use crate::parallel;
@@ -119,7 +119,7 @@ impl Norms {
                 relative(&errors, &wholes[kind])
             });
             // Between few cells, errors of all levels may have one sign as well.
-            let alike = if cells < FEW { ONE_SIGN * met.sqrt() } else { ONE_SIGN };
+            let alike = if is_below(cells, FEW) { ONE_SIGN * met.sqrt() } else { ONE_SIGN };
             (alike * one_sign).max(any_sign).recip()
         };
         let mut through = vec![Errors::default(); self.targets.len()];
