@@ -11,7 +11,7 @@ use crate::kernel::mask::Unmasked;
 use crate::plan::charge_sums::ChargeSums;
 use crate::plan::norms::{Norms, forbid};
 use crate::plan::ready::Ready;
-use crate::plan::tuning::OTHER_PLANS;
+use crate::plan::tuning::{OTHER_PLANS, UNUSUAL};
 use crate::plan::{Plan, Scheme};
 
 /// Of a level's values and derivatives.
@@ -106,7 +106,7 @@ impl<E: Expansion> Guard<E> {
 /// No laxer than usual, and a power of two, so that charges that are much the same share a plan.
 fn stricter(own: Strength, usual: Strength) -> Strength {
     let size = |own: f64, usual: f64| {
-        let least = own.min(usual);
+        let least = (own / UNUSUAL).min(usual);
         if least.is_normal() { least.log2().floor().exp2() } else { least }
     };
     Strength {

@@ -13,7 +13,7 @@ pub(crate) const SET_UP_SECONDS: f64 = 0.01;
 
 /// Where an expansion is asked for, set-up may take so many seconds of one core, and so many direct sums at
 /// this nominal time of a pair.
-pub(crate) const ASKED_SECONDS: f64 = 30.0;
+pub(crate) const ASKED_SECONDS: f64 = 40.0;
 pub(crate) const ASKED_SUMS: f64 = 10.0;
 pub(crate) const ASKED_PAIR_SECONDS: f64 = 2e-9;
 
@@ -34,6 +34,10 @@ pub(crate) const ISOLATED_SHARE: f64 = 1.0 / 16.0;
 
 /// By how much more errors may add up if charges have one sign.
 pub(crate) const ONE_SIGN: f64 = 2.0;
+
+/// By how much smaller errors have to be for charges of unlike size: two points do not tell what all of a cell's
+/// sources send.
+pub(crate) const UNUSUAL: f64 = 4.0;
 
 /// How many plans for charges of unlike size are kept.
 pub(crate) const OTHER_PLANS: usize = 4;
