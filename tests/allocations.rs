@@ -30,19 +30,13 @@ fn a_warm_plan_allocates_nothing_but_its_result() {
         for _ in 0..5 {
             fmm.apply(&charges).unwrap();
         }
-        // The thread pool's queues may grow now and then, but not every time.
-        let measure = |_| {
-            let region = Region::new(ALLOCATOR);
-            let values = fmm.apply(&charges).unwrap();
-            let change = region.change();
-            assert!(change.bytes_allocated >= size_of_val(&values[..]));
-            change
-        };
-        let change =
-            (0..5).map(measure).min_by_key(|change| change.allocations + change.reallocations);
-        let change = change.unwrap();
-        let (bytes, slack) = (charges.len() * size_of::<f64>(), 8 << 10);
-        assert!(change.bytes_allocated <= bytes + slack, "{change:?}");
+        let region = Region::new(ALLOCATOR);
+        let values = fmm.apply(&charges).unwrap();
+        let change = region.change();
+        assert!(change.bytes_allocated >= size_of_val(&values[..]));
+        // The thread pool's queues may grow now and then.
+        let slack = 8 << 10;
+        assert!(change.bytes_allocated <= size_of_val(&values[..]) + slack, "{change:?}");
         assert!(change.allocations + change.reallocations <= 8, "{change:?}");
     });
 }

@@ -70,8 +70,9 @@ impl<K: Kernel> Interpolation<K> {
         self.rule().len()
     }
 
-    /// The relative error that was measured between random points of well-separated cells when the
-    /// expansion was prepared; none for a kernel that is not translation invariant.
+    /// The error that was measured between random points of well-separated cells when the expansion was
+    /// prepared, relative to what whole sums [allow](crate::Strength::size) where that is known, and to the
+    /// kernel's size otherwise; none for a kernel that is not translation invariant.
     pub fn measured_error(&self) -> Option<f64> {
         match &self.prepared {
             Prepared::Everywhere(_) => None,

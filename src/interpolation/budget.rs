@@ -18,6 +18,8 @@
 //! | all levels, measured | [`SAFE_SHARE`], [`LIMITING_SHARE`] | ε | `operators` |
 //! | one pair of the near field | [`PAIR_SHARE`] | ε | `expansion` |
 //! | a far field that has died out | [`NEIGHBOUR_SHARE`] | the neighbours' fields | `far_field` |
+//! | a level that serves fewer than [`FEW`] cells, but more than [`ONE`] | 1 / [`SPARE`] | ε of whole sums | `scale` |
+//! | sizes that operators are shared for | 2 to the power of [`ROUNDED_UP`] | ε of whole sums | `scale` |
 //!
 //! The numbers were found by trial on 1/r, 1/r⁴, Yukawa's kernel and the radiosity tensor at tolerances of
 //! 1e-2 to 1e-11: with them, delivered errors lie between a thirtieth and all of what was asked
@@ -70,6 +72,17 @@ pub(crate) const PAIR_SHARE: f64 = 0.1;
 /// A far field smaller than this fraction of what neighbouring cells exchange is held to that fraction, not
 /// to its own size: a kernel that has died out needs no digits.
 pub(crate) const NEIGHBOUR_SHARE: f64 = 0.1;
+
+/// Where fewer cells than these share a field, they may all be among the nearest, whose errors are then measured
+/// by themselves; and with no more than one, all points may be in corners.
+pub(crate) const FEW: f64 = 4.5;
+pub(crate) const ONE: f64 = 1.5;
+
+/// By how much smaller errors have to be with few cells; with one, those between corners are measured.
+pub(crate) const SPARE: f64 = 2.0;
+
+/// By which power of two sizes that errors are relative to may be rounded up.
+pub(crate) const ROUNDED_UP: f64 = 0.25;
 
 /// The share of the tolerance that each truncation may use at first.
 ///

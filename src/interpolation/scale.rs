@@ -1,6 +1,7 @@
 //! What errors are relative to.
 
 use crate::expansion::geometry::{Level, Strength};
+use crate::interpolation::budget::{FEW, ONE, ROUNDED_UP, SPARE};
 use crate::interpolation::means::Means;
 use crate::numbers::traits::Real;
 
@@ -107,19 +108,9 @@ pub(crate) fn is_below(cells: f64, most: f64) -> bool {
     cells > 0.0 && cells < most
 }
 
-/// Where fewer cells than these share a field, they may all be among the nearest, and their points in corners.
-pub(crate) const FEW: f64 = 4.5;
-const ONE: f64 = 1.5;
-
-/// By how much smaller errors have to be in the first case; in the second, corners are measured.
-const SPARE: f64 = 2.0;
-
 /// A size that differs from `unit` by a power of two, so that operators serve other points as well: the next
 /// smaller one, or a slightly larger one.
 fn rounded(size: f64, unit: f64) -> f64 {
     let exponent = (size / unit).log2();
-    if exponent.is_finite() { unit * (exponent + ROUNDING).floor().exp2() } else { size }
+    if exponent.is_finite() { unit * (exponent + ROUNDED_UP).floor().exp2() } else { size }
 }
-
-/// Sizes are rounded up by no more than this power of two.
-const ROUNDING: f64 = 0.25;

@@ -6,7 +6,8 @@
 use crate::expansion::geometry::Strength;
 use crate::expansion::{Expansion, SourceOf, TargetOf};
 use crate::interaction::lists::Lists;
-use crate::interpolation::scale::{FEW, is_below};
+use crate::interpolation::budget::FEW;
+use crate::interpolation::scale::is_below;
 use crate::numbers::traits::l2_norm;
 use crate::octree::trees::Trees;
 use crate::parallel;
