@@ -114,3 +114,39 @@ fn rounded(size: f64, unit: f64) -> f64 {
     let exponent = (size / unit).log2();
     if exponent.is_finite() { unit * (exponent + ROUNDED_UP).floor().exp2() } else { size }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Levels of a kernel of degree 0 whose errors are small, but large between corners.
+    fn scale(cells: f64, size: f64, through: f64) -> Scale {
+        let model = Means::of(std::iter::repeat_n([1.0; 2], 316));
+        Scale::new(model, [Served { cells, size, through, factor: 1.0 }].into_iter())
+    }
+
+    #[test]
+    fn between_few_cells_corners_count() {
+        let errors = Means::of(std::iter::repeat_n([1.0, 100.0], 316));
+        let relative = |cells| scale(cells, 1.0, 1.0).relative(errors);
+        assert_eq!(relative(64.0), 1.0);
+        assert_eq!(relative(3.0), SPARE, "some are in the midst of cells");
+        assert_eq!(relative(1.0), 10.0, "all may be in corners");
+    }
+
+    #[test]
+    fn what_passes_through_from_farther_counts_more() {
+        assert_eq!(scale(64.0, 8.0, 8.0).shells, 1.0);
+        assert_eq!(scale(64.0, 8.0, 2.0).shells, 4.0);
+    }
+
+    #[test]
+    fn operators_that_were_checked_otherwise_are_others() {
+        let scales = [(64.0, 8.0, 8.0), (64.0, 8.0, 2.0), (1.0, 8.0, 8.0), (64.0, 4.0, 4.0)];
+        let keys = scales.map(|(cells, size, through)| scale(cells, size, through).key());
+        for (i, key) in keys.iter().enumerate() {
+            assert!(!keys[..i].contains(key), "{:?}", scales[i]);
+        }
+        assert_eq!(scale(64.0, 8.0, 8.0).key(), scale(64.0, 9.0, 9.0).key(), "much the same");
+    }
+}

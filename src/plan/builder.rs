@@ -97,7 +97,7 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
     }
 
     /// How often the plan will be applied, about; default 1. Operators that take longer than the direct sums
-    /// that they save are not built.
+    /// that they save are not built, nor are those for [charges of unlike size](Fmm::apply).
     pub fn applications(mut self, applications: usize) -> Self {
         self.choices.applications = applications;
         self
@@ -227,6 +227,9 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
             }
             self.report(Phase::Operators, 1.0);
 
+            // Operators for other charges are worth the direct sums that they save.
+            let sums = self.choices.applications as f64 * pairs * pair_seconds;
+            let geometry = Geometry { most_seconds: sums + SET_UP_SECONDS, ..geometry };
             let guard = norms.map(|norms| Guard::new(norms, geometry));
             let guard = guard.filter(|guard| guard.is_needed(&self.expansion));
             let plan = Plan::new(self.expansion, scheme, trees, lists);

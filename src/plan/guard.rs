@@ -29,7 +29,7 @@ pub(crate) struct Guard<E: Expansion> {
 type Other<E> = (Vec<Strengths>, Arc<Ready<E>>);
 
 impl<E: Expansion> Guard<E> {
-    /// For a plan of that geometry.
+    /// For a plan of that geometry, with what operators for other charges may cost.
     pub(crate) fn new(norms: Norms, geometry: Geometry<RealOf<E>>) -> Self {
         Self { norms, geometry, others: Mutex::new(Vec::new()), applications: AtomicUsize::new(0) }
     }

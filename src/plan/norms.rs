@@ -62,19 +62,20 @@ impl Norms {
 
     /// The strengths for some charges. Where no sampled target meets a level, pairs count by their own size.
     pub(crate) fn strengths_for(&self, charges: &ChargeSums) -> Vec<[Option<Strength>; 2]> {
-        let actual = self.strengths(Some(charges));
+        let mut passing = [f64::INFINITY; 2];
         let of_level = |(actual, usual): ([Option<Strength>; 2], &[Option<Strength>; 2])| {
             [0, 1].map(|channel| {
                 let usual = usual[channel]?;
-                let own = actual[channel].filter(|own| own.size < f64::INFINITY);
-                let alone = Strength { size: usual.pair, through: usual.pair, ..usual };
-                let Strength { size, through, .. } = own.unwrap_or(alone);
-                // A level without pairs stays one.
-                let unmet = usual.size == f64::INFINITY;
-                Some(if unmet { usual } else { Strength { size, through, ..usual } })
+                let [size, through] = actual[channel]
+                    .map_or([f64::INFINITY; 2], |actual| [actual.size, actual.through]);
+                // A level without pairs is met by none.
+                let is_met = size < f64::INFINITY || usual.size == f64::INFINITY;
+                let size = if is_met { size } else { usual.pair };
+                passing[channel] = passing[channel].min(through).min(size);
+                Some(Strength { size, through: passing[channel], ..usual })
             })
         };
-        actual.into_iter().zip(&self.usual).map(of_level).collect()
+        self.strengths(Some(charges)).into_iter().zip(&self.usual).map(of_level).collect()
     }
 
     /// Whether there may be charges for which an expansion whose errors are relative to `sizes` makes too

@@ -197,7 +197,9 @@ fn charges_that_are_only_far_away_keep_the_tolerance() {
     ];
     for (name, formula) in formulas {
         let kernel = plain(formula);
-        let fmm = Fmm::builder(kernel).tolerance(1e-3).leaf_size(30).build(&points, &left).unwrap();
+        // So often that operators for such charges are worth more than direct sums.
+        let builder = Fmm::builder(kernel).tolerance(1e-3).leaf_size(30).applications(1000);
+        let fmm = builder.build(&points, &left).unwrap();
         assert_eq!(fmm.report().stats.scheme, Scheme::Fmm, "{name}");
         let before = fmm.apply(&everywhere).unwrap();
         for round in 1..3 {
@@ -208,7 +210,9 @@ fn charges_that_are_only_far_away_keep_the_tolerance() {
             assert_eq!(certified, sums, "{name}");
             let exact = direct(&kernel, &points, &far_away, &left).unwrap();
             let delivered = farfield::relative_l2_error(&sums, &exact);
-            assert!(delivered <= certificate.relative_l2, "{name}: {certificate:?}");
+            // Direct sums of the judge and of the certificate round differently.
+            let rounding = 1e-14;
+            assert!(delivered <= certificate.relative_l2 + rounding, "{name}: {certificate:?}");
             assert_eq!(fmm.report().unusual_applications, 2 * round, "{name}");
         }
         // The plan for others stays as it is.
@@ -235,27 +239,32 @@ fn charges_where_next_to_nothing_arrives_keep_the_tolerance() {
 
 #[test]
 fn charges_that_no_sampled_target_meets_keep_the_tolerance() {
-    // Sites with sources and targets together, but for one, which alone has charges.
+    // 64 sites with sources and targets. Charges are where no targets are, and at one site more.
     let sites = (0..64).map(|i| DVec3::new((i % 4) as f64, (i / 4 % 4) as f64, (i / 16) as f64));
+    let ball = |at: DVec3, seed: u64| {
+        cube(50, seed).into_iter().map(move |p| at + (p - DVec3::splat(0.5)) * 0.04)
+    };
     let (mut ys, mut xs, mut qs) = (Vec::new(), Vec::new(), Vec::new());
     for (i, site) in sites.enumerate() {
-        let site = site * 0.25 + cube(64, 24)[i] * 0.07;
-        let ball = |at: DVec3, seed: u64| {
-            cube(40, seed).into_iter().map(move |p| at + (p - DVec3::splat(0.5)) * 0.01)
-        };
-        let alone = i == 17;
+        let site = site + cube(64, 24)[i] * 0.3;
         ys.extend(ball(site, 2 * i as u64));
-        let aside = if alone { DVec3::new(0.025, 0.0075, 0.005) } else { DVec3::ZERO };
-        xs.extend(ball(site + aside, 2 * i as u64 + 1));
-        qs.resize(ys.len(), f64::from(u8::from(alone)));
+        let aside = if i == 17 { DVec3::new(0.1, 0.03, 0.02) } else { DVec3::ZERO };
+        if i > 0 {
+            xs.extend(ball(site + aside, 2 * i as u64 + 1));
+        }
+        let charge = [(0, 1e17), (17, 1.0)].into_iter().find(|&(at, _)| at == i);
+        qs.resize(ys.len(), charge.map_or(0.0, |(_, q)| q));
     }
     let formula: Formula = |x, y| {
         let r = x.distance(y);
-        (-(r / 0.0125).powi(2)).exp() / r.powi(3)
+        (-r).exp() / r.powi(3)
     };
-    let fmm = Fmm::builder(plain(formula)).tolerance(1e-3).leaf_size(30).build(&ys, &xs).unwrap();
-    let error = error_at(&xs, formula, &ys, &qs, &fmm.apply(&qs).unwrap());
-    assert!(error <= 1e-3, "{error:e}");
+    for tolerance in [1e-2, 1e-3] {
+        let builder = Fmm::builder(plain(formula)).tolerance(tolerance).leaf_size(30);
+        let fmm = builder.applications(1000).build(&ys, &xs).unwrap();
+        let error = error_at(&xs, formula, &ys, &qs, &fmm.apply(&qs).unwrap());
+        assert!(error <= tolerance, "{error:e}");
+    }
 }
 
 #[test]
@@ -263,13 +272,21 @@ fn sums_depend_on_their_charges_alone() {
     let points = cube(3000, 25);
     let series: Vec<f64> = (0..3000).map(|i| 10f64.powf(-12.0 * f64::from(i) / 3000.0)).collect();
     let few: Vec<f64> = (0..3000).map(|i| f64::from(u8::from(i < 40))).collect();
+    let corner: Vec<f64> =
+        points.iter().map(|p| f64::from(u8::from(p.max_element() < 0.2))).collect();
     let kernel = plain(|x: DVec3, y: DVec3| (-8.0 * x.distance(y)).exp() / x.distance_squared(y));
-    let fmm = Fmm::builder(kernel).tolerance(1e-4).leaf_size(30).build(&points, &points).unwrap();
-    let first = fmm.apply(&series).unwrap();
-    let of_few = fmm.apply(&few).unwrap();
+    let plan = || {
+        let builder = Fmm::builder(kernel).tolerance(1e-4).leaf_size(30).applications(1000);
+        builder.build(&points, &points).unwrap()
+    };
+    let fmm = plan();
+    for charges in [&series, &few, &corner, &series] {
+        let alone = plan();
+        assert_eq!(fmm.apply(charges).unwrap(), alone.apply(charges).unwrap());
+        assert_eq!(fmm.apply_timed(charges).unwrap().0, alone.apply(charges).unwrap());
+        assert_eq!(fmm.apply_certified(charges).unwrap().0, alone.apply(charges).unwrap());
+    }
     assert!(fmm.report().unusual_applications > 0);
-    assert_eq!(fmm.apply_timed(&series).unwrap().0, first);
-    assert_eq!(fmm.apply_certified(&few).unwrap().0, of_few);
 }
 
 #[test]
