@@ -89,10 +89,11 @@ impl<S: Scalar> Invariant<S> {
         };
         let unit = probe::unit(kernel, half_widths.iter().copied());
         // A kernel with a scale of its own is asked for distances within the root only: it may know no others.
+        // It is asked for all of these: it may grow.
         let edge = 2.0 * geometry.root.half_width().as_f64();
         let reach = |h: &S::Real| match degree {
             Some(_) => SAMPLED_REACH,
-            None => (edge / h.as_f64() - 1.0).min(SAMPLED_REACH),
+            None => edge / h.as_f64() - 1.0,
         };
         let reaches: Vec<f64> = half_widths.iter().map(reach).collect();
         let kernel = &kernel.times(unit.recip());

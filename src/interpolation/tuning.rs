@@ -16,7 +16,7 @@ pub(crate) const ATTEMPTS: usize = 3;
 /// How many sets of operators are remembered.
 pub(crate) const CAPACITY: usize = 24;
 
-/// How far away the sources of a kernel are sampled along an axis, in half-widths.
+/// How far away the sources of a homogeneous kernel are sampled along an axis, in half-widths.
 pub(crate) const SAMPLED_REACH: f64 = 256.0;
 
 /// How many times the samples are taken of a far field that does not fall into parities.

@@ -311,6 +311,33 @@ fn clusters_that_face_each_other_keep_the_tolerance() {
     }
 }
 
+#[test]
+fn what_grows_keeps_the_tolerance_from_far_away() {
+    // Next to all comes from the other cluster, through cells that are tiny beside the way.
+    let formulas: [(&str, Formula); 3] = [
+        ("r^2 log r", |x, y| x.distance_squared(y) * x.distance(y).ln()),
+        ("r^3 + r", |x, y| x.distance(y).powi(3) + x.distance(y)),
+        ("multiquadric", |x, y| (x.distance_squared(y) + 0.01).sqrt()),
+    ];
+    let qs = charges(2000, 26);
+    for apart in [100.0, 1e6] {
+        let points: Vec<DVec3> = cube(2000, 27)
+            .into_iter()
+            .enumerate()
+            .map(|(i, p)| p + DVec3::X * f64::from(i as u32 % 2) * apart)
+            .collect();
+        for (name, formula) in formulas {
+            for tolerance in [1e-3, 1e-6] {
+                let fmm = Fmm::builder(plain(formula)).tolerance(tolerance).leaf_size(30);
+                let fmm = fmm.build(&points, &points).unwrap();
+                assert_eq!(fmm.report().stats.scheme, Scheme::Fmm, "{name}");
+                let error = error(formula, &points, &qs, &fmm.apply(&qs).unwrap());
+                assert!(error <= tolerance, "{name}, {apart} apart: {error:e}");
+            }
+        }
+    }
+}
+
 /// K(r) and K′(r).
 type Radial = fn(f64) -> [f64; 2];
 
