@@ -143,15 +143,15 @@ pub enum Error {
         /// The smallest error seen.
         reachable: f64,
     },
-    /// Preparing the expansion takes more than it may, [`Geometry::most_seconds`](crate::Geometry::most_seconds).
+    /// Preparing the expansion takes more than it may, [`Geometry::most_seconds`](crate::Geometry::most_seconds),
+    /// or an application does, [`Geometry::most_apply_seconds`](crate::Geometry::most_apply_seconds).
     #[error(
-        "the expansion's operators would take more than {needed:.1e} seconds of one core: expected at most \
-         {limit:.1e}"
+        "the expansion would take more than {needed:.1e} seconds of one core: expected at most {limit:.1e}"
     )]
     OverWork {
-        /// The seconds that they may take.
+        /// The seconds that it may take.
         limit: f64,
-        /// The seconds that they need at least.
+        /// The seconds that it needs at least.
         needed: f64,
     },
     /// An expansion order outside the range that its expansion supports.

@@ -15,6 +15,8 @@ pub struct Geometry<T: Real> {
     /// longer had better refuse with [`Error::OverWork`](crate::Error::OverWork) as soon as it sees that: where the engine may
     /// choose the scheme, it then sums directly.
     pub most_seconds: f64,
+    /// Likewise those that an application may take: not much more than direct sums do.
+    pub most_apply_seconds: f64,
     /// Seconds of one core that a pair summed directly takes.
     pub pair_seconds: f64,
     /// Some of the sources, spread over all of them; none where they are not known.
@@ -75,7 +77,8 @@ impl<T: Real> Geometry<T> {
     /// Levels for which an expansion may be prepared as long as it takes.
     pub fn new(root: Cube<T>, levels: Vec<Level<T>>) -> Self {
         let (sources, targets) = (Vec::new(), Vec::new());
-        Self { root, levels, most_seconds: f64::INFINITY, pair_seconds: 0.0, sources, targets }
+        let (most_seconds, most_apply_seconds) = (f64::INFINITY, f64::INFINITY);
+        Self { root, levels, most_seconds, most_apply_seconds, pair_seconds: 0.0, sources, targets }
     }
 
     /// The distinct offsets of all levels together, in ascending order.

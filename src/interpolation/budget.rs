@@ -79,7 +79,7 @@ pub(crate) const FEW: f64 = 4.5;
 pub(crate) const ONE: f64 = 1.5;
 
 /// By how much smaller errors have to be with few cells; with one, those between corners are measured.
-pub(crate) const SPARE: f64 = 2.0;
+pub(crate) const SPARE: f64 = 3.0;
 
 /// By which power of two sizes that errors are relative to may be rounded up.
 pub(crate) const ROUNDED_UP: f64 = 0.25;

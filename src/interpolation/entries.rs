@@ -55,6 +55,11 @@ impl<'a, S: Scalar> Entries<'a, S> {
         self.work.map_or(Ok(()), |work| work.afford(evaluations, multiply_adds))
     }
 
+    /// Whether an application can afford so many evaluations, see [`Work::afford_application`].
+    pub(crate) fn afford_application(&self, evaluations: f64) -> Result<(), Error> {
+        self.work.map_or(Ok(()), |work| work.afford_application(evaluations))
+    }
+
     /// The kernel G(y, x)ᵀ: what sources are to targets and targets to sources.
     pub(crate) fn transpose(&self) -> Self {
         let (fields, densities) = (self.densities, self.fields);

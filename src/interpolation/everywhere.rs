@@ -54,7 +54,7 @@ impl<S: Scalar> Everywhere<S> {
             let sides = if slopes.is_some() { 5 } else { 2 };
             kernel.afford_probes((sides * tests * n.pow(3)) as f64, 0.0)?;
             // Every application evaluates the kernel between all nodes.
-            kernel.afford(m2l_pairs as f64 * n.pow(6) as f64, 0.0)
+            kernel.afford_application(m2l_pairs as f64 * n.pow(6) as f64)
         };
         // By how much each level's errors count in whole sums.
         let weight = |strength: Option<Strength>| strength.map_or(1.0, |own| own.pair / own.size);

@@ -46,7 +46,7 @@ impl<K: Kernel> Expansion for Interpolation<K> {
         let block = |xs: &[Point<K::Real>], ys: &[Point<K::Real>], g: &mut [K::Entry]| {
             kernel.entries_block(xs, ys, g);
         };
-        let work = Work::new(geometry.most_seconds, geometry.pair_seconds);
+        let work = Work::new(geometry);
         let entries =
             Entries::new(kernel.fields(), kernel.densities(), &block).at_expense_of(&work);
         let block = |xs: &[Point<K::Real>], ys: &[Point<K::Real>], g: &mut [K::Entry]| {

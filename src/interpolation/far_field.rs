@@ -95,14 +95,16 @@ impl<T: Real> FarField<T> {
     }
 
     /// The far field in the polynomials of the cell: column after column for each density of each
-    /// source, component after component down a column. Columns larger than both the model's size and what errors
-    /// are relative to are scaled to that, so that none outweighs the interaction list unless the scale says so.
+    /// source, component after component down a column. Columns of shells larger than both the model's size and
+    /// what their errors are relative to are scaled to that, so that none outweighs the interaction list unless
+    /// the scale says so.
     pub(crate) fn columns<S: Scalar<Real = T>>(
         &self,
         kernel: &Entries<'_, S>,
         rule: &Chebyshev<T>,
         scale: Scale,
     ) -> Matrix<S> {
+        let size = scale.model.least().max(scale.size / scale.shells);
         let nodes = rule.len().pow(3);
         let rows = nodes * kernel.fields;
         let shells = self.starts[INTERACTION_OFFSETS];
@@ -113,10 +115,9 @@ impl<T: Real> FarField<T> {
             kernel.write_field(&grid, y * self.half_width, columns);
             rule.coefficients(columns);
             let norm = (norm_squared(columns) / kernel.densities as f64).sqrt();
-            let farther = if i >= shells { scale.shells } else { 1.0 };
-            let size = scale.model.least().max(scale.size / farther);
             let shrink = if norm > size { size / norm } else { 1.0 };
-            let factor = S::from_real(T::from_f64(weight.sqrt() * shrink * farther));
+            let share = if i >= shells { shrink * scale.shells } else { 1.0 };
+            let factor = S::from_real(T::from_f64(weight.sqrt() * share));
             columns.iter_mut().for_each(|entry| *entry *= factor);
         });
         Matrix { rows, columns: kernel.densities * self.sources.len(), data }

@@ -3,7 +3,9 @@
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use crate::error::Error;
+use crate::expansion::geometry::Geometry;
 use crate::interpolation::tuning::{ENTRY_PAIRS, PROBING_SHARE, SET_UP_FLOPS};
+use crate::numbers::traits::Real;
 
 /// Counts what set-up costs and ends it when that is more than it may.
 ///
@@ -14,6 +16,8 @@ use crate::interpolation::tuning::{ENTRY_PAIRS, PROBING_SHARE, SET_UP_FLOPS};
 pub(crate) struct Work {
     /// Core seconds.
     limit: f64,
+    /// Core seconds of an application.
+    apply_limit: f64,
     /// Core seconds of one evaluation of the kernel.
     evaluation: f64,
     /// Evaluations so far.
@@ -23,10 +27,15 @@ pub(crate) struct Work {
 }
 
 impl Work {
-    /// At most `limit` core seconds, if a pair summed directly takes `pair_seconds`.
-    pub(crate) fn new(limit: f64, pair_seconds: f64) -> Self {
-        let evaluation = ENTRY_PAIRS as f64 * pair_seconds;
-        Self { limit, evaluation, evaluations: AtomicU64::new(0), multiply_adds: AtomicU64::new(0) }
+    /// What a plan of that geometry may cost.
+    pub(crate) fn new<T: Real>(geometry: &Geometry<T>) -> Self {
+        Self {
+            limit: geometry.most_seconds,
+            apply_limit: geometry.most_apply_seconds,
+            evaluation: ENTRY_PAIRS as f64 * geometry.pair_seconds,
+            evaluations: AtomicU64::new(0),
+            multiply_adds: AtomicU64::new(0),
+        }
     }
 
     /// Counts evaluations that have been made.
@@ -67,6 +76,15 @@ impl Work {
         self.within(1.0, evaluations, multiply_adds)
     }
 
+    /// Whether an application can afford so many evaluations.
+    ///
+    /// # Errors
+    /// [`Error::OverWork`].
+    pub(crate) fn afford_application(&self, evaluations: f64) -> Result<(), Error> {
+        let (limit, needed) = (self.apply_limit, evaluations * self.evaluation);
+        if needed <= limit { Ok(()) } else { Err(Error::OverWork { limit, needed }) }
+    }
+
     /// Whether they fit, beside what has been counted, into a share of the limit.
     fn within(&self, share: f64, evaluations: f64, multiply_adds: f64) -> Result<(), Error> {
         let evaluations = evaluations + self.evaluations.load(Relaxed) as f64;
@@ -80,10 +98,19 @@ impl Work {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::octree::geometry::Cube;
+    use glam::DVec3;
 
     #[test]
     fn what_is_too_much_is_refused_before_it_is_done() {
-        let work = Work::new(1.0, 0.01 / ENTRY_PAIRS as f64);
+        let root = Cube::new(DVec3::ZERO, 1.0);
+        let work = Work::new(&Geometry {
+            most_seconds: 1.0,
+            most_apply_seconds: 0.1,
+            pair_seconds: 0.01 / ENTRY_PAIRS as f64,
+            ..Geometry::new(root, Vec::new())
+        });
+        assert!(work.afford_application(9.0).is_ok() && work.afford_application(11.0).is_err());
         work.add_evaluations(50);
         assert!(work.afford(40.0, 0.05 * SET_UP_FLOPS).is_ok());
         work.spend(0.4 * SET_UP_FLOPS).unwrap();

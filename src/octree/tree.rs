@@ -82,7 +82,9 @@ impl<T: Real> Bounds<T> {
         }
     }
 
-    /// The root cube of everything in the box.
+    /// The root cube of everything in the box: around its centre, but for directions in which it is thin. What is
+    /// thin would lie along the borders of cells on every level, and most cells would be divided for nothing; a
+    /// third of the way through the root it lies a third of the way through each cell, from one side or the other.
     pub(crate) fn root_cube(&self) -> Result<Cube<T>, Error> {
         let Self { low, high } = self;
         if low[0] > high[0] {
@@ -90,14 +92,19 @@ impl<T: Real> Bounds<T> {
         }
         let half = T::from_f64(0.5);
         let centre: [T; 3] = std::array::from_fn(|k| half * low[k] + half * high[k]);
-        let half_width = (0..3)
-            .map(|k| (high[k] - centre[k]).max(centre[k] - low[k]))
-            .fold(T::from_f64(0.0), |a, b| a.max(b));
+        let extents: [T; 3] =
+            std::array::from_fn(|k| (high[k] - centre[k]).max(centre[k] - low[k]));
+        let half_width = extents.into_iter().fold(T::from_f64(0.0), |a, b| a.max(b));
         let limit = T::max_value() * T::from_f64(0.125);
         if half_width > limit {
             let extent = (0..3).map(|k| high[k].as_f64() - low[k].as_f64()).fold(0.0, f64::max);
             return Err(Error::ExtentTooLarge { extent, limit: 2.0 * limit.as_f64() });
         }
+        let aside = half_width / T::from_f64(3.0);
+        let centre = std::array::from_fn(|k| {
+            let is_thin = extents[k] < half_width * T::from_f64(THIN);
+            if is_thin { centre[k] + aside } else { centre[k] }
+        });
         Ok(Cube::new(Point::<T>::from_array(centre), half_width))
     }
 
@@ -117,9 +124,13 @@ impl<T: Real> Bounds<T> {
 /// Points per task of a sweep over all of them.
 const CHUNK: usize = 4096;
 
+/// Up to which share of the longest extent another one is thin.
+const THIN: f64 = 1.0 / 16.0;
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::octree::geometry::MAX_LEVEL;
     use glam::DVec3;
 
     fn build(points: &[DVec3], leaf_size: usize) -> Tree<f64> {
@@ -201,5 +212,27 @@ mod tests {
         let points = [DVec3::X * 1e308, DVec3::X * -1e308];
         let bounds = Bounds::new(PointSet::Sources, &points).unwrap();
         assert!(matches!(bounds.root_cube(), Err(Error::ExtentTooLarge { .. })));
+    }
+
+    #[test]
+    fn what_is_thin_does_not_lie_along_borders_of_cells() {
+        for z in [0.0, -3.7, 1e6] {
+            let points: Vec<DVec3> = (0..500)
+                .map(|i| DVec3::splat(f64::from(i)).map(f64::sin) * DVec3::new(1.0, 1e-4, 0.0))
+                .map(|p| p + DVec3::Z * z)
+                .collect();
+            let bounds = Bounds::new(PointSet::Sources, &points).unwrap();
+            let root = bounds.root_cube().unwrap();
+            for p in &points {
+                let place = root.locate(*p);
+                for level in 1..8 {
+                    let fraction = |axis: usize| {
+                        let within = (1u32 << (MAX_LEVEL - level)) - 1;
+                        f64::from(place[axis] & within) / f64::from(within)
+                    };
+                    assert!([1, 2].iter().all(|&axis| (0.25..0.75).contains(&fraction(axis))));
+                }
+            }
+        }
     }
 }

@@ -79,7 +79,7 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
     /// ends. With a [leaf size](Self::leaf_size) or a [mask](Self::mask), the default is [`Scheme::Fmm`].
     ///
     /// Whatever is chosen here, sums without a mask are direct where an expansion can't meet the tolerance
-    /// or would take much longer to set up; [`Stats::fallback`](crate::Stats::fallback) then says why.
+    /// or would take much longer to set up or to apply; [`Stats::fallback`](crate::Stats::fallback) then says why.
     pub fn scheme(mut self, scheme: Scheme) -> Self {
         self.choices.scheme = Some(scheme);
         self
@@ -204,6 +204,7 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
             });
             let mut geometry = Geometry {
                 most_seconds,
+                most_apply_seconds: self.choices.most_apply_seconds(pairs * pair_seconds),
                 pair_seconds,
                 sources: some(&trees.sources),
                 targets: some(&trees.targets),

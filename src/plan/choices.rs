@@ -57,6 +57,11 @@ impl Choices<'_> {
         (most, pair_seconds())
     }
 
+    /// Seconds of one core that an application may take if direct sums take `direct_seconds`.
+    pub(crate) fn most_apply_seconds(&self, direct_seconds: f64) -> f64 {
+        if self.masked { f64::INFINITY } else { BARGAIN * direct_seconds + SET_UP_SECONDS }
+    }
+
     /// Whether direct sums in the precision `T` can do what an expansion refuses. Asking a mask for every pair
     /// is another matter.
     pub(crate) fn may_sum_directly<T: Real>(&self, refusal: &Error) -> bool {

@@ -6,8 +6,6 @@
 use crate::expansion::geometry::Strength;
 use crate::expansion::{Expansion, SourceOf, TargetOf};
 use crate::interaction::lists::Lists;
-use crate::interpolation::budget::FEW;
-use crate::interpolation::scale::is_below;
 use crate::numbers::traits::l2_norm;
 use crate::octree::trees::Trees;
 use crate::parallel;
@@ -114,15 +112,12 @@ impl Norms {
             wholes[1].push(any_sign);
         }
         let wholes = wholes.map(floored);
-        let met = levels.iter().filter(|own| own.charges > 0.0).count() as f64;
-        let size = |errors: &[Errors], cells: f64| {
+        let size = |errors: &[Errors]| {
             let [one_sign, any_sign] = [0, 1].map(|kind| {
                 let errors: Vec<f64> = errors.iter().map(|error| error[kind]).collect();
                 relative(&errors, &wholes[kind])
             });
-            // Between few cells, errors of all levels may have one sign as well.
-            let alike = if is_below(cells, FEW) { ONE_SIGN * met.sqrt() } else { ONE_SIGN };
-            (alike * one_sign).max(any_sign).recip()
+            (ONE_SIGN * one_sign).max(any_sign).recip()
         };
         let mut through = vec![Errors::default(); self.targets.len()];
         let strength = |own: &Passing| {
@@ -130,7 +125,7 @@ impl Norms {
                 *sum = [sum[0].hypot(own[0]), sum[1].hypot(own[1])];
             }
             let (pair, cells) = own.pair_and_cells();
-            let [size, through] = [size(&own.errors, cells), size(&through, cells)];
+            let [size, through] = [size(&own.errors), size(&through)];
             // Where all sums are zero there is nothing to be relative to.
             let known = through.is_finite() && (charges.is_some() || through > 0.0);
             known.then_some(Strength { pair, cells, size, through })
