@@ -1,4 +1,4 @@
-//! What setting up operators may cost.
+//! What operators may cost to set up and to apply.
 
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 

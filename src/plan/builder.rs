@@ -202,9 +202,10 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
             let (most_seconds, pair_seconds) = self.choices.worth(estimate.as_ref(), pairs, || {
                 self.pair_seconds(&trees.sources, &trees.targets)
             });
+            let direct_seconds = pairs * pair_seconds;
             let mut geometry = Geometry {
                 most_seconds,
-                most_apply_seconds: self.choices.most_apply_seconds(pairs * pair_seconds),
+                most_apply_seconds: self.choices.most_apply_seconds(direct_seconds),
                 pair_seconds,
                 sources: some(&trees.sources),
                 targets: some(&trees.targets),
@@ -229,8 +230,8 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
             self.report(Phase::Operators, 1.0);
 
             // Operators for other charges are worth the direct sums that they save.
-            let sums = self.choices.applications as f64 * pairs * pair_seconds;
-            let geometry = Geometry { most_seconds: sums + SET_UP_SECONDS, ..geometry };
+            let saved = self.choices.applications as f64 * direct_seconds;
+            let geometry = Geometry { most_seconds: saved + SET_UP_SECONDS, ..geometry };
             let guard = norms.map(|norms| Guard::new(norms, geometry));
             let guard = guard.filter(|guard| guard.is_needed(&self.expansion));
             let plan = Plan::new(self.expansion, scheme, trees, lists);
