@@ -61,6 +61,7 @@ pub use certificate::Certificate;
 pub use certificate::sampling::Sampling;
 pub use dispatch_level::{DispatchLevel, UnknownDispatchLevel, dispatch};
 pub use error::{Error, PointSet};
+pub use expansion::admissibility::Admissibility;
 pub use expansion::costs::Costs;
 pub use expansion::geometry::{Geometry, Level, Strength};
 pub use expansion::level_cells::{LevelFamilies, LevelPairs};

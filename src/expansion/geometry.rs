@@ -1,5 +1,6 @@
 //! What a plan tells its expansion.
 
+use crate::expansion::admissibility::Admissibility;
 use crate::numbers::traits::{Point, Real};
 use crate::octree::geometry::Cube;
 
@@ -11,6 +12,9 @@ pub struct Geometry<T: Real> {
     pub root: Cube<T>,
     /// The levels at which expansions are formed, from the coarsest to the finest.
     pub levels: Vec<Level<T>>,
+    /// Which pairs of cells are carried: everything at first, then what the expansion
+    /// [admitted](crate::Expansion::admits).
+    pub admissibility: Admissibility,
     /// Seconds of one core that [`prepare`](crate::Expansion::prepare) may take. An expansion that would take
     /// longer had better refuse with [`Error::OverWork`](crate::Error::OverWork) as soon as it sees that: where the engine may
     /// choose the scheme, it then sums directly.
@@ -78,7 +82,17 @@ impl<T: Real> Geometry<T> {
     pub fn new(root: Cube<T>, levels: Vec<Level<T>>) -> Self {
         let (sources, targets) = (Vec::new(), Vec::new());
         let (most_seconds, most_apply_seconds) = (f64::INFINITY, f64::INFINITY);
-        Self { root, levels, most_seconds, most_apply_seconds, pair_seconds: 0.0, sources, targets }
+        let admissibility = Admissibility::default();
+        Self {
+            root,
+            levels,
+            admissibility,
+            most_seconds,
+            most_apply_seconds,
+            pair_seconds: 0.0,
+            sources,
+            targets,
+        }
     }
 
     /// The distinct offsets of all levels together, in ascending order.

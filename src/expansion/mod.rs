@@ -1,5 +1,6 @@
 //! Expansions: how a kernel's far field is carried from cell to cell.
 
+pub(crate) mod admissibility;
 pub(crate) mod costs;
 pub(crate) mod geometry;
 pub(crate) mod level_cells;
@@ -9,6 +10,7 @@ use crate::error::Error;
 use crate::expansion::costs::Costs;
 use crate::expansion::geometry::Geometry;
 use crate::expansion::level_cells::{LevelFamilies, LevelPairs};
+use crate::kernel::mask::Coverage;
 use crate::kernel::traits::{Kernel, Outcome};
 use crate::numbers::traits::Numbers;
 use crate::octree::geometry::Cell;
@@ -57,6 +59,21 @@ pub trait Expansion: Send + Sync {
     /// If the accuracy asked for can't be reached on this geometry.
     fn prepare(&mut self, _plan: &Geometry<RealOf<Self>>) -> Result<(), Error> {
         Ok(())
+    }
+
+    /// Which pairs of cells of `level` the expansion carries, by the integer vector from source to target cell.
+    /// Asked after [`prepare`](Self::prepare), for every offset of the levels that were announced.
+    ///
+    /// * [`Coverage::Full`]: all of them, the default.
+    /// * [`Coverage::Partial`]: none of them. The cells are split, and what is left at the leaves is summed
+    ///   directly: for kernels that are not smooth there.
+    /// * [`Coverage::Empty`]: all that these pairs add to sums is no more than the
+    ///   [tolerance of a pair](crate::Costs::pair_tolerance) of them. They are left out.
+    ///
+    /// If not everything is carried, the interaction lists are made again, and `prepare` is called again with what
+    /// was answered in [`Geometry::admissibility`].
+    fn admits(&self, _level: usize, _offset: [i32; 3]) -> Coverage {
+        Coverage::Full
     }
 
     /// The same expansion, not prepared, if it heeds [`Strength`](crate::Strength): the engine prepares it again

@@ -15,6 +15,8 @@ pub(crate) struct Lists {
     pub(crate) m2p: Grouped<u32>,
     /// For target cells: larger source leaves, well separated.
     pub(crate) p2l: Grouped<u32>,
+    /// Source cells of the same level, well separated, of which too little comes to be summed.
+    pub(crate) left_out: Grouped<u32>,
     /// For target leaves: sources that are summed directly, in tree order.
     pub(crate) near: Grouped<Run>,
     /// One bit per pair of every run that is partly masked.
@@ -128,7 +130,8 @@ impl Lists {
     /// Its size in memory, without what is remembered of a mask.
     pub(crate) fn bytes(&self) -> usize {
         let weighed: usize = self.weighed.iter().map(|(_, list)| list.bytes()).sum();
-        self.m2l.bytes() + weighed + self.m2p.bytes() + self.p2l.bytes() + self.near.bytes()
+        let far = self.m2l.bytes() + weighed + self.m2p.bytes() + self.p2l.bytes();
+        far + self.left_out.bytes() + self.near.bytes()
     }
 }
 

@@ -8,6 +8,7 @@
 //! hands down to its children. Each target cell is visited by one task and writes its own lists, so
 //! they come out grouped by target, in an order that no number of threads changes.
 
+use crate::expansion::admissibility::Admissibility;
 use crate::interaction::cell_mask::{CellMask, PartialPair, ask_all, fill_in};
 use crate::interaction::grouped::Grouped;
 use crate::interaction::lists::{ALL, Lists, NONE, PairShare, Run, append};
@@ -36,6 +37,8 @@ pub(crate) struct Traversal<'a, T: Real> {
     pub(crate) sources: &'a Tree<T>,
     pub(crate) mask: &'a dyn CellMask,
     pub(crate) far: Far,
+    /// Which well-separated cells expansions carry.
+    pub(crate) admissibility: &'a Admissibility,
 }
 
 /// A source cell that a target cell has to settle with.
@@ -60,6 +63,7 @@ pub(crate) struct Found {
     pub(crate) weighed: Grouped<Weighed>,
     pub(crate) m2p: Grouped<u32>,
     pub(crate) p2l: Grouped<u32>,
+    pub(crate) left_out: Grouped<u32>,
     pub(crate) near: Grouped<Run>,
     /// Handed down to the children.
     pub(crate) open: Grouped<Candidate>,
@@ -154,6 +158,7 @@ impl<T: Real> Traversal<'_, T> {
         found.weighed.end_group();
         found.m2p.end_group();
         found.p2l.end_group();
+        found.left_out.end_group();
         found.near.end_group();
         found.open.end_group();
     }
@@ -179,10 +184,16 @@ impl<T: Real> Traversal<'_, T> {
                 let offset = source.offset_to(target);
                 // Well separated, for cells of one level.
                 if offset.iter().any(|o| o.unsigned_abs() > 1) {
-                    found.offsets.insert(offset);
-                    return found.m2l.items.push(s);
+                    match self.admissibility.of(target.level(), offset) {
+                        Coverage::Empty => return found.left_out.items.push(s),
+                        Coverage::Full => {
+                            found.offsets.insert(offset);
+                            return found.m2l.items.push(s);
+                        }
+                        Coverage::Partial | Coverage::Eighths(_) => {}
+                    }
                 }
-            } else if target.well_separated(source) {
+            } else if target.well_separated(source) && self.is_carried(target, source) {
                 let list =
                     if target.level() < source.level() { &mut found.m2p } else { &mut found.p2l };
                 return list.items.push(s);
@@ -211,12 +222,19 @@ impl<T: Real> Traversal<'_, T> {
             return false;
         }
         let offset = source.offset_to(target);
-        let separated = offset.iter().any(|o| o.unsigned_abs() > 1);
+        let separated = offset.iter().any(|o| o.unsigned_abs() > 1)
+            && self.admissibility.of(target.level(), offset) == Coverage::Full;
         if separated {
             found.offsets.insert(offset);
             found.weighed.items.push(Weighed { source: s, eighths });
         }
         separated
+    }
+
+    /// Whether expansions carry pairs between cells of different levels that are well separated.
+    fn is_carried(&self, target: &Cell<T>, source: &Cell<T>) -> bool {
+        let [a, b] = [target.level(), source.level()];
+        self.admissibility.between(a.min(b), a.max(b))
     }
 
     /// A target cell and a source cell.
@@ -255,6 +273,7 @@ fn join(mut found: Vec<Found>, offsets: Vec<Vec<[i32; 3]>>) -> (Lists, Vec<Parti
         m2l: Grouped::join(found.iter_mut().map(|part| std::mem::take(&mut part.m2l))),
         m2p: Grouped::join(found.iter_mut().map(|part| std::mem::take(&mut part.m2p))),
         p2l: Grouped::join(found.iter_mut().map(|part| std::mem::take(&mut part.p2l))),
+        left_out: Grouped::join(found.iter_mut().map(|part| std::mem::take(&mut part.left_out))),
         near: Grouped::join(found.iter_mut().map(|part| std::mem::take(&mut part.near))),
         bits: Vec::new(),
         shares: Grouped::default(),

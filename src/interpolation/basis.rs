@@ -101,7 +101,10 @@ impl<S: Scalar> Spectrum<S> {
             let odd = [k / (n * n), k / n % n, k % n].map(|degree| (degree % 2) as u8);
             parities[component] ^ (odd[0] | odd[1] << 1 | odd[2] << 2)
         };
-        let per_sample = 1.0 / (INTERACTION_OFFSETS as f64).sqrt();
+        // Only shells where nothing is carried at all.
+        let weight = far.weight();
+        let samples = if weight > 0.0 { weight } else { INTERACTION_OFFSETS as f64 };
+        let per_sample = 1.0 / samples.sqrt();
         let part = |parity: usize| {
             let parity = parity as u8;
             let coefficients: Vec<u32> =

@@ -3,6 +3,7 @@
 use std::fmt;
 use std::sync::Arc;
 
+use crate::expansion::admissibility::Admissibility;
 use crate::interpolation::chebyshev::Chebyshev;
 use crate::kernel::traits::Kernel;
 use crate::parallel::pool::Pool;
@@ -24,6 +25,9 @@ use crate::interpolation::scratch::{Scratch, Shifted};
 /// from one of 26 directions. What is left out is measured between random points, and less is left out
 /// if need be.
 ///
+/// Pairs of cells between which no order is enough are [not carried](crate::Expansion::admits), nor are those of
+/// which all that they send is within a tenth of the tolerance.
+///
 /// Operators depend on the kernel and the tolerance, not on the points: sets that were used lately are
 /// remembered by the process and serve further plans.
 ///
@@ -33,6 +37,8 @@ pub struct Interpolation<K: Kernel> {
     pub(super) kernel: Arc<K>,
     pub(super) accuracy: Accuracy,
     pub(super) prepared: Prepared<K::Entry>,
+    /// Which pairs of cells are carried.
+    pub(super) admissibility: Admissibility,
     pub(super) scratch: Pool<Scratch<K>>,
     pub(super) shifted: Pool<Shifted<K::Entry>>,
 }
@@ -50,6 +56,7 @@ impl<K: Kernel> Interpolation<K> {
             kernel,
             accuracy,
             prepared: Prepared::Everywhere(Box::new(everywhere)),
+            admissibility: Admissibility::default(),
             scratch: Pool::default(),
             shifted: Pool::default(),
         }

@@ -11,6 +11,7 @@
 //! | the same where derivatives count | [`SLOPE_SHARE`] | that share | `level` |
 //! | derivatives, measured, level by level | 1 / [`SLOPE_WEIGHT`] | what values may | `operators`, `check` |
 //! | each truncation, if the order is given | [`ORDER_TRUNCATION_SHARE`] | interpolation's error | `operators` |
+//! | the same where all that comes passes through from coarser levels | [`PASSING_SHARE`] | that share | `level` |
 //! | nodes of a skeleton | [`SKELETON_SHARE`] | the basis's cut-off | `basis` |
 //! | each side of a direction | [`SIDE_SHARE`] | the basis's cut-off | `ranges` |
 //! | single precision in M2L | [`ROUNDING_SHARE`] | the basis's cut-off | `directions` |
@@ -31,6 +32,10 @@ pub(crate) const INTERPOLATION_SHARE: f64 = 0.25;
 /// What is left of the share of a truncation where derivatives have to be accurate too: functions of high
 /// degree are steep.
 pub(crate) const SLOPE_SHARE: f64 = 0.3;
+
+/// What is left of the share of a truncation at levels that carry no pairs of their own, between which errors could
+/// be measured.
+pub(crate) const PASSING_SHARE: f64 = 0.25;
 
 /// How much the error of derivatives counts where every level has operators of its own: what a cell drops of
 /// the fields of those above it is not measured then, and is steep.

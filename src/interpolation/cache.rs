@@ -56,6 +56,7 @@ impl Key {
             reach.to_bits().hash(&mut hasher);
             let scales = [sizes.scales.get(level), sizes.slope_scales.get(level)];
             scales.map(|scale| scale.map(Scale::key)).hash(&mut hasher);
+            sizes.carried[level].hash(&mut hasher);
             sizes.far_field(level, true).for_each_entry(kernel, |entry: S| {
                 entry.parts().map(|part| part.as_f64().to_bits()).hash(&mut hasher);
             });

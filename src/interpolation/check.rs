@@ -2,11 +2,9 @@
 
 use crate::interpolation::basis::{Basis, product};
 use crate::interpolation::entries::{Entries, zero};
-use crate::interpolation::far_field::{products, slope_products};
+use crate::interpolation::far_field::{OffsetErrors, products, slope_products};
 use crate::interpolation::level::{LevelOperators, Request};
-use crate::interpolation::means::{
-    Means, corner, facing, interaction_offsets, is_nearest, largest,
-};
+use crate::interpolation::means::{corner, facing, interaction_offsets, is_nearest};
 use crate::interpolation::probe::sample;
 use crate::interpolation::scale::Scale;
 use crate::interpolation::slopes::Slopes;
@@ -19,12 +17,14 @@ impl<S: Scalar> Request<'_, S> {
     /// The error between random points, and between a corner and those nearest to it, relative to the
     /// scale: that of P2M, M2L and L2P; if all levels are like this one, from and to its children, M2M
     /// and L2L included.
-    pub(crate) fn check(&self, level: &LevelOperators<S>) -> f64 {
+    pub(crate) fn check(&self, level: &LevelOperators<S>) -> OffsetErrors {
         let values = self.error(level, self.kernel, self.scale, false);
-        let slopes = |slopes: &Slopes<'_, S>| {
-            slopes.weight * self.error(level, &slopes.entries, slopes.scale, true)
-        };
-        largest([values, self.slopes.map_or(0.0, slopes)])
+        match self.slopes {
+            Some(Slopes { entries, scale, weight }) => {
+                values.join(&self.error(level, entries, *scale, true), *weight)
+            }
+            None => values,
+        }
     }
 
     /// The error of values, or of derivatives, against `exact`.
@@ -34,7 +34,7 @@ impl<S: Scalar> Request<'_, S> {
         exact: &Entries<'_, S>,
         scale: Scale,
         slopes: bool,
-    ) -> f64 {
+    ) -> OffsetErrors {
         let [from, to] = [&level.bases.source, &level.bases.target];
         let both = |[sources, targets]: [Vec<Point<S::Real>>; 2], levels: usize| {
             let densities = self.kernel.densities;
@@ -50,15 +50,18 @@ impl<S: Scalar> Request<'_, S> {
         let corners = || (0..8).map(corner::<S::Real>).collect();
         let corners = scale.corners.then(|| both([corners(), corners()], CORNER_LEVELS));
         let offsets: Vec<[i32; 3]> = interaction_offsets().collect();
-        let errors: Vec<[f64; 2]> = parallel::map(offsets.len(), &|i| {
+        let errors = parallel::map(offsets.len(), &|i| {
+            if !self.far.carried().has(offsets[i]) {
+                return None;
+            }
             let error = self.squared_error(level, exact, offsets[i], &anywhere, 0..CHECK_POINTS);
             let corner = facing(offsets[i], i);
             let corners = corners.as_ref().filter(|_| is_nearest(offsets[i])).map(|corners| {
                 self.squared_error(level, exact, offsets[i], corners, corner..corner + 1)
             });
-            [error, corners.unwrap_or(0.0)]
+            Some([error, corners.unwrap_or(0.0)])
         });
-        scale.relative(Means::of(errors))
+        OffsetErrors::new(errors, scale)
     }
 
     /// Points of a cell, with their moments, or with those of derivatives along the three axes: if all

@@ -4,7 +4,6 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use crate::interpolation::entries::{Entries, PointOf, zero};
-use crate::interpolation::means::interaction_offsets;
 use crate::interpolation::operators::{Operators, Sizes};
 use crate::interpolation::probe::sample;
 use crate::interpolation::ranges::between;
@@ -29,7 +28,7 @@ impl<S: Scalar> Operators<S> {
             let (nodes, sources) = far.places(&self.rule);
             parallel::for_each(sources.len(), &|j| add(&sum, kernel, &nodes, sources[j]));
 
-            let offsets: Vec<[i32; 3]> = interaction_offsets().collect();
+            let offsets = far.carried().offsets();
             parallel::for_each(offsets.len(), &|o| {
                 let folded = !level.bases.reflected || offsets[o].iter().all(|&o| o >= 0);
                 if folded {

@@ -11,7 +11,7 @@ use crate::interpolation::chebyshev::Chebyshev;
 use crate::interpolation::entries::{Entries, PointOf, zero};
 use crate::interpolation::far_field::{products, slope_products};
 use crate::interpolation::means::largest;
-use crate::interpolation::operators::fewest_nodes;
+use crate::interpolation::order::fewest_nodes;
 use crate::interpolation::probe::{power_of_two, sample};
 use crate::interpolation::tuning::PLACED_PAIRS;
 use crate::numbers::traits::{Numbers, Point, Real, Scalar, Vector, l2_norm};

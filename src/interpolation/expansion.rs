@@ -17,6 +17,7 @@ use crate::interpolation::entries::Entries;
 use crate::interpolation::prepared::Prepared;
 use crate::interpolation::tuning::ENTRY_PAIRS;
 use crate::interpolation::work::Work;
+use crate::kernel::mask::Coverage;
 use crate::kernel::slopes::write_slopes;
 use crate::kernel::traits::{Kernel, Outcome};
 use crate::numbers::traits::{Point, Real};
@@ -62,9 +63,14 @@ impl<K: Kernel> Expansion for Interpolation<K> {
             code: K::entries as *const () as usize,
             has_parameters: kernel.has_parameters(),
         };
-        self.prepared = Prepared::new(name, &entries, slopes, self.accuracy, geometry)?;
+        (self.prepared, self.admissibility) =
+            Prepared::new(name, &entries, slopes, self.accuracy, geometry)?;
         self.scratch = Pool::default();
         Ok(())
+    }
+
+    fn admits(&self, level: usize, offset: [i32; 3]) -> Coverage {
+        self.admissibility.of(level, offset)
     }
 
     fn again(&self) -> Option<Self> {

@@ -2,16 +2,18 @@
 
 use std::f64::consts::FRAC_PI_2;
 
+use crate::error::Error;
 use crate::interpolation::budget::NEIGHBOUR_SHARE;
+use crate::interpolation::carried::Carried;
 use crate::interpolation::chebyshev::{Chebyshev, derivatives_in_lanes, polynomials};
 use crate::interpolation::entries::{Entries, PointOf, norm_squared, zero};
 use crate::interpolation::means::{
-    INTERACTION_OFFSETS, Means, corner, facing, interaction_offsets, is_nearest, weight,
+    INTERACTION_OFFSETS, Means, corner, facing, interaction_offsets, is_nearest, largest, weight,
 };
 use crate::interpolation::probe::sample;
 use crate::interpolation::scale::Scale;
 use crate::interpolation::tuning::{
-    PER_NEAR_OFFSET, PER_OFFSET, PER_SHELL, SHELL_WEIGHT, TEST_SOURCES, TEST_TARGETS,
+    CLOSER, PER_NEAR_OFFSET, PER_OFFSET, PER_SHELL, SHELL_WEIGHT, TEST_SOURCES, TEST_TARGETS,
 };
 use crate::linalg::matrix::Matrix;
 use crate::numbers::traits::{Point, Real, Scalar, Vector};
@@ -25,6 +27,7 @@ pub(crate) struct FarField<T: Real> {
     starts: Vec<usize>,
     offsets: Vec<[i32; 3]>,
     half_width: T,
+    carried: Carried,
 }
 
 /// A field that is interpolated, and what it is held against.
@@ -40,13 +43,16 @@ struct Interpolated<'a, S: Scalar> {
 impl<T: Real> FarField<T> {
     /// Sources in the 316 cells from which a tree's M2L comes, and in shells out to `reach`
     /// half-widths along an axis, from which M2P, P2L and masks may take more: `density` times as many as a kernel
-    /// needs whose far field falls into parities.
-    pub(crate) fn new(half_width: T, reach: f64, density: usize) -> Self {
+    /// needs whose far field falls into parities. Only what is carried counts.
+    pub(crate) fn new(half_width: T, reach: f64, density: usize, carried: Carried) -> Self {
         let (mut sources, mut starts) = (Vec::new(), vec![0]);
         let offsets: Vec<[i32; 3]> = interaction_offsets().collect();
         for (i, &offset) in offsets.iter().enumerate() {
             let near = offset.iter().all(|o| o.abs() <= 2);
-            let count = density * if near { PER_NEAR_OFFSET } else { PER_OFFSET };
+            let count = match carried.has(offset) {
+                true => density * if near { PER_NEAR_OFFSET } else { PER_OFFSET },
+                false => 0,
+            };
             sources.extend((0..count).map(|k| {
                 let (p, share) =
                     towards_border::<T>(sample::<T>(i * density * PER_NEAR_OFFSET + k));
@@ -54,19 +60,38 @@ impl<T: Real> FarField<T> {
             }));
             starts.push(sources.len());
         }
-        let mut radius = 8.0;
+        let lists = carried.weight(weight) / INTERACTION_OFFSETS as f64;
+        let shell_weight = SHELL_WEIGHT * if lists > 0.0 { lists } else { 1.0 };
+        // What is not carried on the level itself comes from nearer by through those above.
+        let (mut radius, count) = match carried.is_whole() {
+            true => (8.0, density * PER_SHELL),
+            false => (4.0, 4 * density * PER_SHELL),
+        };
         while radius < reach {
-            let count = density * PER_SHELL;
-            sources.extend((0..count).map(|k| {
+            let shell = (0..count).map(|k| {
                 let p = sample::<T>(k).to_array().map(Real::as_f64);
                 let largest = p.iter().fold(0.0f64, |a, x| a.max(x.abs()));
                 let stretch = (radius * (1.0 + (0.618 * k as f64).fract())).min(reach) / largest;
                 let p = Point::<T>::from_array(p.map(|x| T::from_f64(x * stretch)));
-                (p, SHELL_WEIGHT / count as f64)
-            }));
+                (p, shell_weight / count as f64)
+            });
+            let comes = |k: usize, p: Point<T>| {
+                carried.comes_from_above(p.to_array().map(Real::as_f64), octants(k))
+            };
+            sources.extend(shell.enumerate().filter(|&(k, (p, _))| comes(k, p)).map(|(_, y)| y));
             radius *= 2.0;
         }
-        Self { sources, starts, offsets, half_width }
+        Self { sources, starts, offsets, half_width, carried }
+    }
+
+    /// What is carried.
+    pub(crate) fn carried(&self) -> &Carried {
+        &self.carried
+    }
+
+    /// The sum of the weights of the offsets that are carried; 316 for all of them.
+    pub(crate) fn weight(&self) -> f64 {
+        self.carried.weight(weight)
     }
 
     /// How many sources there are.
@@ -79,16 +104,30 @@ impl<T: Real> FarField<T> {
         self.half_width
     }
 
-    /// The size of one pair, but at least a fraction of what neighbours exchange.
-    pub(crate) fn size<S: Scalar<Real = T>>(&self, kernel: &Entries<'_, S>) -> Means {
-        let size = Means::of(self.offsets.iter().enumerate().map(|(i, &offset)| {
+    /// The mean square of a pair at each offset that is carried.
+    fn sizes<S: Scalar<Real = T>>(&self, kernel: &Entries<'_, S>) -> Vec<Option<f64>> {
+        let size = |(i, &offset): (usize, &[i32; 3])| {
+            if !self.carried.has(offset) {
+                return None;
+            }
             let entry = |k: usize| {
                 let x = sample::<T>(7 * k + offset[0].unsigned_abs() as usize);
                 let y = centre::<T>(offset) + sample::<T>(i * PER_OFFSET + k);
                 norm_squared(&self.entry(kernel, x, y))
             };
-            [(0..PER_OFFSET).map(entry).sum::<f64>() / PER_OFFSET as f64; 2]
-        }));
+            Some((0..PER_OFFSET).map(entry).sum::<f64>() / PER_OFFSET as f64)
+        };
+        self.offsets.iter().enumerate().map(size).collect()
+    }
+
+    /// Whether the kernel is not finite at an offset that is carried.
+    pub(crate) fn not_finite<S: Scalar<Real = T>>(&self, kernel: &Entries<'_, S>) -> Vec<bool> {
+        self.sizes(kernel).iter().map(|size| size.is_some_and(|size| !size.is_finite())).collect()
+    }
+
+    /// The size of one pair, but at least a fraction of what neighbours exchange.
+    pub(crate) fn size<S: Scalar<Real = T>>(&self, kernel: &Entries<'_, S>) -> Means {
+        let size = Means::of(self.sizes(kernel).into_iter().map(|size| Some([size?; 2])));
         let neighbour = Point::<T>::from_array([2.0, 0.0, 0.0].map(T::from_f64));
         let near = norm_squared(&self.entry(kernel, Point::<T>::default(), neighbour)).sqrt();
         size.at_least(NEIGHBOUR_SHARE * near)
@@ -147,7 +186,7 @@ impl<T: Real> FarField<T> {
         kernel: &Entries<'_, S>,
         rule: &Chebyshev<T>,
         scale: Scale,
-    ) -> f64 {
+    ) -> OffsetErrors {
         self.relative_error(&Interpolated { kernel, exact: kernel, rule, slopes: false }, scale)
     }
 
@@ -158,30 +197,69 @@ impl<T: Real> FarField<T> {
         slopes: &Entries<'_, S>,
         rule: &Chebyshev<T>,
         scale: Scale,
-    ) -> f64 {
+    ) -> OffsetErrors {
         self.relative_error(&Interpolated { kernel, exact: slopes, rule, slopes: true }, scale)
+    }
+
+    /// The error of interpolating at each offset, looked at more closely: from a grid of sources to random targets, and
+    /// to a grid that covers what corners and edges may hide. The worst source counts, and for a part of what the mean
+    /// does.
+    ///
+    /// # Errors
+    /// [`Error::OverWork`].
+    pub(crate) fn closer_errors<S: Scalar<Real = T>>(
+        &self,
+        kernel: &Entries<'_, S>,
+        rule: &Chebyshev<T>,
+        scale: Scale,
+    ) -> Result<Vec<f64>, Error> {
+        let grid: Vec<Point<T>> = (0..27).map(grid_point::<T>).collect();
+        let random: Vec<Point<T>> = (0..TEST_TARGETS).map(sample::<T>).collect();
+        let interpolated = Interpolated { kernel, exact: kernel, rule, slopes: false };
+        let carried: Vec<usize> =
+            (0..INTERACTION_OFFSETS).filter(|&o| self.carried.has(self.offsets[o])).collect();
+        let nodes = rule.len().pow(3);
+        let evaluations = carried.len() * grid.len() * 2 * nodes;
+        kernel.afford(evaluations as f64, (evaluations * TEST_TARGETS) as f64)?;
+        let mut errors = vec![0.0; INTERACTION_OFFSETS];
+        for o in carried {
+            let sources: Vec<_> =
+                grid.iter().map(|&p| (o, centre::<T>(self.offsets[o]) + p, 1.0)).collect();
+            let worst = |targets: &[Point<T>]| {
+                largest(self.squared_errors(&interpolated, targets, &sources).iter().map(|e| e.1))
+            };
+            let squared = largest([worst(&random), worst(&grid)]);
+            errors[o] = scale.relative(Means::of([Some([squared; 2])])) / CLOSER;
+        }
+        Ok(errors)
     }
 
     fn relative_error<S: Scalar<Real = T>>(
         &self,
         interpolated: &Interpolated<'_, S>,
         scale: Scale,
-    ) -> f64 {
+    ) -> OffsetErrors {
         let mut sources = Vec::new();
-        for (o, &offset) in self.offsets.iter().enumerate() {
+        let carried = || self.offsets.iter().enumerate().filter(|(_, o)| self.carried.has(**o));
+        for (o, &offset) in carried() {
             let near = offset.iter().all(|o| o.abs() <= 2);
             let count = if near { PER_OFFSET } else { 1 };
             let source = |k| centre::<T>(offset) + sample::<T>(o * PER_OFFSET + k);
             sources.extend((0..count).map(|k| (o, source(k), 1.0 / count as f64)));
         }
-        let mut errors = vec![[0.0; 2]; INTERACTION_OFFSETS];
+        let mut errors = vec![None; INTERACTION_OFFSETS];
+        carried().for_each(|(o, _)| errors[o] = Some([0.0; 2]));
+        let mut add = |o: usize, part: usize, squared: f64| {
+            if let Some(errors) = &mut errors[o] {
+                errors[part] += squared;
+            }
+        };
         let targets: Vec<_> = (0..TEST_TARGETS).map(sample::<T>).collect();
         for (o, squared) in self.squared_errors(interpolated, &targets, &sources) {
-            errors[o][0] += squared;
+            add(o, 0, squared);
         }
         if scale.corners {
-            let nearest =
-                self.offsets.iter().enumerate().filter(|(_, offset)| is_nearest(**offset));
+            let nearest = carried().filter(|(_, offset)| is_nearest(**offset));
             // Both sides are off there, in the same direction.
             let source = |(o, &offset): (usize, &[i32; 3])| {
                 (o, centre::<T>(offset) + corner::<T>(facing(offset, o)), 4.0)
@@ -189,10 +267,10 @@ impl<T: Real> FarField<T> {
             let corners: Vec<_> = (0..8).map(corner::<T>).collect();
             let sources: Vec<_> = nearest.map(source).collect();
             for (o, squared) in self.squared_errors(interpolated, &corners, &sources) {
-                errors[o][1] += squared;
+                add(o, 1, squared);
             }
         }
-        scale.relative(Means::of(errors))
+        OffsetErrors::new(errors, scale)
     }
 
     /// The mean square error of interpolating the field of each source at targets, times the source's
@@ -259,11 +337,51 @@ impl<T: Real> FarField<T> {
     }
 }
 
+/// Errors relative to what they may be relative to.
+pub(crate) struct OffsetErrors {
+    /// The mean over all offsets.
+    pub(crate) mean: f64,
+    /// That of each of the [`interaction_offsets`] by itself, 0 where none is carried.
+    pub(crate) each: Vec<f64>,
+}
+
+impl OffsetErrors {
+    /// From mean squares, as [`Means::of`] takes them.
+    pub(crate) fn new(squares: Vec<Option<[f64; 2]>>, scale: Scale) -> Self {
+        let own = |squares: &Option<[f64; 2]>| {
+            let Some([anywhere, corners]) = *squares else { return 0.0 };
+            scale.relative(Means::of([Some([largest([anywhere, corners]); 2])]))
+        };
+        let each = squares.iter().map(own).collect();
+        Self { mean: scale.relative(Means::of(squares)), each }
+    }
+
+    /// The larger ones of both.
+    pub(crate) fn join(mut self, other: &Self, factor: f64) -> Self {
+        for (own, &other) in self.each.iter_mut().zip(&other.each) {
+            *own = largest([*own, factor * other]);
+        }
+        Self { mean: largest([self.mean, factor * other.mean]), ..self }
+    }
+}
+
 /// The evaluations and multiply-adds that it takes to find the error of a rule with n nodes per axis.
 pub(crate) fn test_costs<S: Scalar>(kernel: &Entries<'_, S>, n: usize) -> [f64; 2] {
     let sources = INTERACTION_OFFSETS + (5usize.pow(3) - 3usize.pow(3)) * (PER_OFFSET - 1);
     let products = sources * n.pow(3) * TEST_TARGETS * kernel.fields * kernel.densities;
     [(sources * (n.pow(3) + TEST_TARGETS)) as f64, products as f64]
+}
+
+/// One of 27 points next to the border of [−1, 1]³ and in its centre. Between points on borders a kernel may be what
+/// it is nowhere else.
+fn grid_point<T: Real>(k: usize) -> Point<T> {
+    let place = |k: usize| T::from_f64(0.98 * (k as f64 - 1.0));
+    Point::<T>::from_array([k / 9, k / 3 % 3, k % 3].map(place))
+}
+
+/// Some octants for each of the levels above a cell, a bit for each axis.
+fn octants(k: usize) -> usize {
+    k.wrapping_mul(0x9e37_79b9_7f4a_7c15)
 }
 
 /// The centre of the cell at an offset, in half-widths.
@@ -314,12 +432,13 @@ mod tests {
     fn error(f: fn(f64) -> f64, n: usize, half_width: f64) -> f64 {
         let entries = pairwise(1, |x, y, g| g[0] = f(x.distance(y)));
         let kernel = Entries::new(1, 1, &entries);
-        let far = FarField::new(half_width, 32.0, 1);
+        let far = FarField::new(half_width, 32.0, 1, Carried::default());
         far.interpolation_error(
             &kernel,
             &Chebyshev::new(n),
             Scale::new(far.size(&kernel), std::iter::empty()),
         )
+        .mean
     }
 
     #[test]
@@ -336,7 +455,7 @@ mod tests {
 
     #[test]
     fn weights_add_up_to_those_of_the_offsets() {
-        let far = FarField::new(1.0, 64.0, 1);
+        let far = FarField::new(1.0, 64.0, 1, Carried::default());
         let lists: f64 = far.sources[..far.starts[INTERACTION_OFFSETS]].iter().map(|s| s.1).sum();
         assert!((lists / INTERACTION_OFFSETS as f64 - 1.0).abs() < 0.02, "{lists}");
     }
@@ -345,7 +464,7 @@ mod tests {
     fn columns_hold_the_coefficients_of_the_far_field() {
         let entries = pairwise(1, |x, y, g| g[0] = 1.0 / x.distance(y));
         let kernel = Entries::new(1, 1, &entries);
-        let (far, rule) = (FarField::new(0.25, 64.0, 1), Chebyshev::new(9));
+        let (far, rule) = (FarField::new(0.25, 64.0, 1, Carried::default()), Chebyshev::new(9));
         let scale = Scale::new(far.size(&kernel), std::iter::empty());
         let columns = far.columns(&kernel, &rule, scale);
         let x = DVec3::new(0.3, -0.8, 0.6);

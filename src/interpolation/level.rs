@@ -5,11 +5,11 @@ use std::sync::Arc;
 use crate::error::Error;
 use crate::interpolation::bases::Bases;
 use crate::interpolation::basis::Spectrum;
-use crate::interpolation::budget::{SLOPE_SHARE, truncation_share};
+use crate::interpolation::budget::{PASSING_SHARE, SLOPE_SHARE, truncation_share};
 use crate::interpolation::chebyshev::Chebyshev;
 use crate::interpolation::entries::Entries;
 use crate::interpolation::far_field::FarField;
-use crate::interpolation::means::{INTERACTION_OFFSETS, interaction_offsets};
+use crate::interpolation::means::INTERACTION_OFFSETS;
 use crate::interpolation::probe::{self, Parities};
 use crate::interpolation::scale::Scale;
 use crate::interpolation::slopes::Slopes;
@@ -60,10 +60,14 @@ impl<S: Scalar> Request<'_, S> {
         } else {
             Some(spectrum(&self.kernel.transpose(), |p| &p.densities)?)
         };
-        let offsets: Vec<[i32; 3]> = interaction_offsets().collect();
+        let offsets = self.far.carried().offsets();
         let mut share = truncation_share(self.tolerance, parities.is_some());
         if self.slopes.is_some() {
             share *= SLOPE_SHARE;
+        }
+        // What only passes through is not checked.
+        if offsets.is_empty() {
+            share *= PASSING_SHARE;
         }
         let mut attempt = 0;
         loop {
@@ -84,7 +88,7 @@ impl<S: Scalar> Request<'_, S> {
             let bases = Bases { half_width, source, target, reflected, cut };
             let transfers = Transfers::new(self.kernel, &bases, &offsets);
             let mut level = LevelOperators { bases, transfers, error: f64::INFINITY };
-            level.error = self.check(&level);
+            level.error = self.check(&level).mean;
             let accepted = self.accepted * self.tolerance;
             attempt += 1;
             if level.error <= accepted || attempt == ATTEMPTS {

@@ -34,10 +34,11 @@ pub(crate) struct Means {
 
 impl Means {
     /// The means of squares between random points and between corners, one pair for each of the
-    /// [`interaction_offsets`] in their order.
-    pub(crate) fn of(squares: impl IntoIterator<Item = [f64; 2]>) -> Self {
+    /// [`interaction_offsets`] in their order; none for those that do not count.
+    pub(crate) fn of(squares: impl IntoIterator<Item = Option<[f64; 2]>>) -> Self {
         let mut sums = [[0.0; 2]; 3];
-        for (offset, [anywhere, corners]) in interaction_offsets().zip(squares) {
+        for (offset, squares) in interaction_offsets().zip(squares) {
+            let Some([anywhere, corners]) = squares else { continue };
             let parts = [anywhere, anywhere, corners];
             let count = if is_nearest(offset) { 3 } else { 1 };
             for ([sum, weights], squared) in sums.iter_mut().zip(parts).take(count) {
@@ -45,8 +46,11 @@ impl Means {
                 *weights += weight(offset);
             }
         }
-        let [all, nearest, corners] = sums.map(|[sum, weights]| (sum / weights).sqrt());
-        Self { all, nearest, corners }
+        // Where no offset counts, the others speak for all.
+        let [all, of_nearest, of_corners] =
+            sums.map(|[sum, weights]: [f64; 2]| (weights > 0.0).then(|| (sum / weights).sqrt()));
+        let all = all.unwrap_or(0.0);
+        Self { all, nearest: of_nearest.unwrap_or(all), corners: of_corners.unwrap_or(all) }
     }
 
     /// No mean less than `floor`.
@@ -123,9 +127,9 @@ mod tests {
     #[test]
     fn what_grows_with_distance_is_measured_where_it_is_least() {
         let distance = |o: [i32; 3]| o.iter().map(|o| f64::from(o * o)).sum::<f64>();
-        let size = Means::of(interaction_offsets().map(|o| [distance(o).powi(3); 2]));
+        let size = Means::of(interaction_offsets().map(|o| Some([distance(o).powi(3); 2])));
         assert!(size.nearest < 0.3 * size.all && size.least() == size.nearest);
-        let errors = Means::of(interaction_offsets().map(|_| [1.0, 49.0]));
+        let errors = Means::of(interaction_offsets().map(|_| Some([1.0, 49.0])));
         assert!(
             (errors.worst(false, true) - 7.0).abs() < 1e-12 && (errors.all() - 1.0).abs() < 1e-12
         );

@@ -9,12 +9,14 @@ use crate::interpolation::budget::{
     ACCEPTED_LEVEL_SHARE, ACCEPTED_SHARE, INTERPOLATION_SHARE, LIMITING_SHARE,
     ORDER_TRUNCATION_SHARE, SAFE_SHARE, SLOPE_WEIGHT,
 };
+use crate::interpolation::carried::Carried;
 use crate::interpolation::chebyshev::Chebyshev;
 use crate::interpolation::cost;
 use crate::interpolation::entries::Entries;
-use crate::interpolation::far_field::{FarField, test_costs};
+use crate::interpolation::far_field::{FarField, OffsetErrors, test_costs};
 use crate::interpolation::level::{LevelOperators, Request, operator_costs};
 use crate::interpolation::means::largest;
+use crate::interpolation::order::{Refusal, order_of};
 use crate::interpolation::probe;
 use crate::interpolation::scale::Scale;
 use crate::interpolation::slopes::Slopes;
@@ -54,13 +56,16 @@ pub(crate) struct Sizes<T> {
     pub(crate) scales: Vec<Scale>,
     /// Likewise of derivatives in half-widths, where they have to be accurate too.
     pub(crate) slope_scales: Vec<Scale>,
+    /// What is carried on each level.
+    pub(crate) carried: Vec<Carried>,
 }
 
 impl<T: Real> Sizes<T> {
     /// The far field on a level; without parities it is sampled more densely.
     pub(crate) fn far_field(&self, level: usize, reflected: bool) -> FarField<T> {
         let density = if reflected { 1 } else { WHOLE_DENSITY };
-        FarField::new(self.half_widths[level], self.reaches[level], density)
+        let carried = self.carried[level].clone();
+        FarField::new(self.half_widths[level], self.reaches[level], density, carried)
     }
 }
 
@@ -70,7 +75,7 @@ impl<S: Scalar> Operators<S> {
         slopes: Option<&Entries<'_, S>>,
         accuracy: Accuracy,
         sizes: &Sizes<S::Real>,
-    ) -> Result<Self, Error> {
+    ) -> Result<Self, Refusal> {
         let fields = sizes
             .half_widths
             .iter()
@@ -90,22 +95,24 @@ impl<S: Scalar> Operators<S> {
             })
         };
         let slopes: Vec<Option<Slopes<'_, S>>> = (0..fields.len()).map(slopes_of).collect();
-        let worst = |rule: &Chebyshev<S::Real>| {
-            let errors = fields.iter().zip(scales).zip(&slopes).map(|((far, &scale), slopes)| {
-                let mut error = far.interpolation_error(kernel, rule, scale);
+        let errors = |rule: &Chebyshev<S::Real>| -> Vec<OffsetErrors> {
+            let of_level = |((far, &scale), slopes): ((&FarField<_>, &Scale), &Option<_>)| {
+                let mut errors = far.interpolation_error(kernel, rule, scale);
                 if !symmetric {
                     let sources = far.interpolation_error(&kernel.transpose(), rule, scale);
-                    error = largest([error, sources]);
+                    errors = errors.join(&sources, 1.0);
                 }
                 if let Some(Slopes { entries, scale, weight }) = slopes {
                     let targets = far.slope_error(kernel, entries, rule, *scale);
                     let sources = far.interpolation_error(&entries.transpose(), rule, *scale);
-                    error = largest([error, weight * targets, weight * sources]);
+                    errors = errors.join(&targets, *weight).join(&sources, *weight);
                 }
-                error
-            });
-            largest(errors)
+                errors
+            };
+            fields.iter().zip(scales).zip(&slopes).map(of_level).collect()
         };
+        let worst =
+            |rule: &Chebyshev<S::Real>| largest(errors(rule).iter().map(|level| level.mean));
         let sides = if symmetric { 1.0 } else { 2.0 };
         let tests = (sides + if with_slopes { 6.0 } else { 0.0 }) * fields.len() as f64;
         let afford = |n: usize| {
@@ -120,7 +127,13 @@ impl<S: Scalar> Operators<S> {
                 (order..=order, tolerance.max(floor), f64::INFINITY, f64::INFINITY)
             }
             Accuracy::Tolerance(requested) => {
-                let order = fewest_nodes(requested, afford, worst)?.len();
+                let closer = |rule: &Chebyshev<S::Real>| {
+                    let of_level = |(far, &scale): (&FarField<_>, &Scale)| {
+                        far.closer_errors(kernel, rule, scale)
+                    };
+                    fields.iter().zip(scales).map(of_level).collect()
+                };
+                let order = order_of(requested, &fields, afford, errors, closer)?;
                 let accepted =
                     if sizes.homogeneous { ACCEPTED_SHARE } else { ACCEPTED_LEVEL_SHARE };
                 (order..=MAX_ORDER.min(order + MORE_ORDERS), requested, accepted, requested)
@@ -166,7 +179,7 @@ impl<S: Scalar> Operators<S> {
                 break;
             }
         }
-        Err(Error::UnreachableTolerance { requested: tolerance, reachable })
+        Err(Error::UnreachableTolerance { requested: tolerance, reachable }.into())
     }
 }
 
@@ -198,25 +211,6 @@ fn shifts<S: Scalar>(rule: &Chebyshev<S::Real>, levels: &[LevelOperators<S>]) ->
         [one] => vec![Shifts::new(rule, one, one)],
         _ => levels.windows(2).map(|pair| Shifts::new(rule, &pair[0], &pair[1])).collect(),
     }
-}
-
-/// The rule with the fewest nodes whose error is the share of the tolerance that interpolation may use.
-pub(crate) fn fewest_nodes<T: Real>(
-    requested: f64,
-    afford: impl Fn(usize) -> Result<(), Error>,
-    error: impl Fn(&Chebyshev<T>) -> f64,
-) -> Result<Chebyshev<T>, Error> {
-    let mut reachable = f64::INFINITY;
-    for n in 1..=MAX_ORDER {
-        afford(n)?;
-        let rule = Chebyshev::new(n);
-        let needed = error(&rule) / INTERPOLATION_SHARE;
-        reachable = reachable.min(needed);
-        if needed <= requested {
-            return Ok(rule);
-        }
-    }
-    Err(Error::UnreachableTolerance { requested, reachable })
 }
 
 impl<S: Scalar> Shifts<S> {

@@ -5,17 +5,22 @@ use std::sync::Arc;
 use num_traits::Float;
 
 use crate::error::Error;
+use crate::expansion::admissibility::Admissibility;
 use crate::expansion::geometry::{Geometry, Level};
 use crate::interpolation::accuracy::Accuracy;
 use crate::interpolation::cache::{self, KernelName, Key};
+use crate::interpolation::carried::Carried;
 use crate::interpolation::entries::Entries;
 use crate::interpolation::everywhere::Everywhere;
+use crate::interpolation::left_out::leave_out;
 use crate::interpolation::level::LevelOperators;
+use crate::interpolation::means::INTERACTION_OFFSETS;
 use crate::interpolation::operators::{Operators, Sizes};
+use crate::interpolation::order::{Refusal, Restriction, smooth_share};
 use crate::interpolation::probe;
 use crate::interpolation::scale::{Scale, Served, factor};
 use crate::interpolation::transfer::Transfers;
-use crate::interpolation::tuning::{EXTENDED_BYTES, SAMPLED_REACH};
+use crate::interpolation::tuning::{EXTENDED_BYTES, SAMPLED_REACH, SMOOTH_SHARE};
 use crate::linalg::matrix::Matrix;
 use crate::numbers::traits::{Real, Scalar};
 
@@ -53,23 +58,41 @@ pub(crate) struct Shift<'a, S: Scalar> {
 }
 
 impl<S: Scalar> Prepared<S> {
+    /// For the pairs of cells that are carried so far; or which of them can be, if those are fewer.
     pub(crate) fn new(
         kernel_name: KernelName,
         kernel: &Entries<'_, S>,
         slopes: Option<&Entries<'_, S>>,
         accuracy: Accuracy,
         geometry: &Geometry<S::Real>,
-    ) -> Result<Self, Error> {
-        if geometry.levels.is_empty() {
+    ) -> Result<(Self, Admissibility), Error> {
+        let before = &geometry.admissibility;
+        let unprepared = || {
             let everywhere = Everywhere::with_order(1, kernel.fields, kernel.densities);
-            return Ok(Self::Everywhere(Box::new(everywhere)));
+            Self::Everywhere(Box::new(everywhere))
+        };
+        if geometry.levels.is_empty() {
+            return Ok((unprepared(), before.clone()));
         }
         if !probe::translation_invariant(kernel, &geometry.root) {
             let everywhere = Everywhere::new(kernel, slopes, accuracy, geometry)?;
-            return Ok(Self::Everywhere(Box::new(everywhere)));
+            return Ok((Self::Everywhere(Box::new(everywhere)), before.clone()));
         }
-        let invariant = Invariant::new(kernel_name, kernel, slopes, accuracy, geometry)?;
-        Ok(Self::Invariant(Box::new(invariant)))
+        match Invariant::new(kernel_name, kernel, slopes, accuracy, geometry) {
+            Ok(invariant) => Ok((Self::Invariant(Box::new(invariant)), before.clone())),
+            Err(Refusal::Error(error)) => Err(error),
+            Err(Refusal::Restricted(restriction)) => {
+                let reflected = |index: usize| {
+                    // One set that serves all levels is that of cells of size 1.
+                    let h = match restriction.offsets.len() == geometry.levels.len() {
+                        true => geometry.levels[index].half_width,
+                        false => S::Real::from_f64(1.0),
+                    };
+                    probe::parities(kernel, h).is_some()
+                };
+                Ok((unprepared(), restriction.of(before, &geometry.levels, reflected)))
+            }
+        }
     }
 }
 
@@ -80,7 +103,7 @@ impl<S: Scalar> Invariant<S> {
         slopes: Option<&Entries<'_, S>>,
         accuracy: Accuracy,
         geometry: &Geometry<S::Real>,
-    ) -> Result<Self, Error> {
+    ) -> Result<Self, Refusal> {
         let levels = || geometry.levels.iter().map(|level| level.half_width);
         let degree = probe::homogeneity(kernel, geometry.root.half_width(), levels());
         let half_widths = match degree {
@@ -105,19 +128,37 @@ impl<S: Scalar> Invariant<S> {
             reaches,
             scales: Vec::new(),
             slope_scales: Vec::new(),
+            carried: Carried::of_levels(
+                &geometry.admissibility,
+                &geometry.levels,
+                degree.is_some(),
+            ),
         };
         let unit_size = unit.as_f64();
+        if let (Accuracy::Tolerance(tolerance), None, true) =
+            (accuracy, degree, geometry.admissibility.is_whole())
+        {
+            leave_out(kernel, slopes, unit_size, tolerance, &geometry.levels)?;
+        }
         for index in 0..sizes.half_widths.len() {
             // One set of operators serves all levels, or one.
             let own = if sizes.homogeneous { 0..geometry.levels.len() } else { index..index + 1 };
             let far = sizes.far_field(index, true);
             let scale = |entries: &Entries<'_, S>, derivatives: bool| {
                 let model = far.size(entries);
+                if !model.least().is_finite() {
+                    let mut offsets =
+                        vec![vec![false; INTERACTION_OFFSETS]; sizes.half_widths.len()];
+                    offsets[index] = far.not_finite(entries);
+                    let share = smooth_share(std::slice::from_ref(&far), &offsets[index..]);
+                    let some = share >= SMOOTH_SHARE;
+                    let error = Error::NonFiniteKernel.into();
+                    return Err(if some { Restriction::split(offsets) } else { error });
+                }
                 let levels = geometry.levels[own.clone()].iter();
                 let served =
                     levels.filter_map(|level| Served::new(level, degree, unit_size, derivatives));
-                let finite = model.least().is_finite();
-                finite.then(|| Scale::new(model, served)).ok_or(Error::NonFiniteKernel)
+                Ok(Scale::new(model, served))
             };
             sizes.scales.push(scale(kernel, false)?);
             if let Some(slopes) = slopes {
@@ -221,7 +262,7 @@ fn operators<S: Scalar>(
     slopes: Option<&Entries<'_, S>>,
     accuracy: Accuracy,
     sizes: &Sizes<S::Real>,
-) -> Result<Arc<Operators<S>>, Error> {
+) -> Result<Arc<Operators<S>>, Refusal> {
     let key = Key::new(kernel_name, kernel, slopes.is_some(), accuracy, sizes);
     let digest = |operators: &Operators<S>| {
         if kernel_name.has_parameters { operators.digest(kernel, slopes, sizes) } else { 0 }

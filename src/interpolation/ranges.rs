@@ -238,6 +238,7 @@ fn len_without_tail(len: usize, cut: f64, squared: impl Fn(usize) -> f64) -> usi
 mod tests {
     use super::*;
     use crate::interpolation::basis::Spectrum;
+    use crate::interpolation::carried::Carried;
     use crate::interpolation::chebyshev::Chebyshev;
     use crate::interpolation::entries::pairwise;
     use crate::interpolation::far_field::FarField;
@@ -249,7 +250,7 @@ mod tests {
     fn worst(kernel: fn(DVec3) -> f64, reflected: bool, cut: f64) -> (f64, usize) {
         let entries = pairwise(1, |x, y, g| g[0] = kernel(x - y));
         let (kernel, rule) = (Entries::new(1, 1, &entries), Chebyshev::new(7));
-        let far = FarField::new(0.5, 32.0, if reflected { 1 } else { 2 });
+        let far = FarField::new(0.5, 32.0, if reflected { 1 } else { 2 }, Carried::default());
         let parities = parities(&kernel, 0.5).map(|parities| parities.fields);
         assert_eq!(parities.is_some(), reflected);
         let basis = |kernel: &Entries<'_, f64>| {

@@ -121,13 +121,13 @@ mod tests {
 
     /// Levels of a kernel of degree 0 whose errors are small, but large between corners.
     fn scale(cells: f64, size: f64, through: f64) -> Scale {
-        let model = Means::of(std::iter::repeat_n([1.0; 2], 316));
+        let model = Means::of(std::iter::repeat_n(Some([1.0; 2]), 316));
         Scale::new(model, [Served { cells, size, through, factor: 1.0 }].into_iter())
     }
 
     #[test]
     fn between_few_cells_corners_count() {
-        let errors = Means::of(std::iter::repeat_n([1.0, 100.0], 316));
+        let errors = Means::of(std::iter::repeat_n(Some([1.0, 100.0]), 316));
         let relative = |cells| scale(cells, 1.0, 1.0).relative(errors);
         assert_eq!(relative(64.0), 1.0);
         assert!((SPARE..10.0).contains(&relative(3.0)), "some are in the midst of cells");

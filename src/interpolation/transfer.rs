@@ -349,6 +349,7 @@ fn near_index(offset: [i32; 3]) -> Option<usize> {
 mod tests {
     use super::*;
     use crate::interpolation::basis::Spectrum;
+    use crate::interpolation::carried::Carried;
     use crate::interpolation::chebyshev::Chebyshev;
     use crate::interpolation::entries::pairwise;
     use crate::interpolation::far_field::FarField;
@@ -361,7 +362,7 @@ mod tests {
     fn a_pair_alone_and_a_pair_of_a_level_are_the_same() {
         let entries = pairwise(1, |x, y, g| g[0] = 1.0 / x.distance(y));
         let (kernel, rule) = (Entries::new(1, 1, &entries), Chebyshev::new(4));
-        let far = FarField::new(1.0 / 32.0, 32.0, 1);
+        let far = FarField::new(1.0 / 32.0, 32.0, 1, Carried::default());
         let scale = Scale::new(far.size(&kernel), std::iter::empty());
         let spectrum = Spectrum::new(&kernel, Some(&[0]), &far, &rule, scale).unwrap();
         let offsets: Vec<[i32; 3]> = interaction_offsets().collect();

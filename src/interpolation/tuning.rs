@@ -10,6 +10,21 @@ pub const MAX_ORDER: usize = 16;
 /// How many orders more than interpolation alone seems to need are tried.
 pub(crate) const MORE_ORDERS: usize = 2;
 
+/// The share of the pairs of cells that has to be smooth enough for any to be expanded.
+pub(crate) const SMOOTH_SHARE: f64 = 0.1;
+
+/// No more nodes are taken once this share of the pairs is smooth enough that would be with the most.
+pub(crate) const WORTH_A_NODE: f64 = 0.9;
+
+/// What is little is left out if this share of a level's pairs is.
+pub(crate) const WORTH_LEAVING: f64 = 0.5;
+
+/// By how much the error of one source may be larger than the mean over cells, at its worst.
+pub(crate) const CLOSER: f64 = 32.0;
+
+/// What is in the way at a smaller share of the pairs is a matter of luck to samples: then nothing is expanded.
+pub(crate) const UNEVEN_SHARE: f64 = 0.1;
+
 /// How often the cut-offs of a level are chosen anew.
 pub(crate) const ATTEMPTS: usize = 3;
 

@@ -4,6 +4,7 @@ use std::fmt;
 
 use crate::dispatch_level::DispatchLevel;
 use crate::error::Error;
+use crate::expansion::admissibility::Admissibility;
 use crate::expansion::costs::Costs;
 use crate::expansion::geometry::Geometry;
 use crate::expansion::{Expansion, RealOf, SourceOf, TargetOf};
@@ -11,11 +12,11 @@ use crate::interaction::cell_mask::{CellMask, PointMask, TreePoints};
 use crate::interaction::lists::Lists;
 use crate::interaction::traversal::{Far, Traversal};
 use crate::interpolation::black_box::Interpolation;
-use crate::kernel::mask::{Mask, Unmasked};
+use crate::kernel::mask::{Coverage, Mask, Unmasked};
 use crate::kernel::traits::Kernel;
 use crate::numbers::traits::{Located, Point};
 use crate::octree::trees::Trees;
-use crate::plan::choice::{Candidate, cheapest, correct};
+use crate::plan::choice::{Candidate, cheapest, correct, direct_unless_halved};
 use crate::plan::choices::Choices;
 use crate::plan::estimate::Estimate;
 use crate::plan::fmm::Fmm;
@@ -24,7 +25,8 @@ use crate::plan::guard::Guard;
 use crate::plan::norms::Norms;
 use crate::plan::pair_time::pair_seconds;
 use crate::plan::times::{BuildTimes, Clock, Phase, Progress};
-use crate::plan::tuning::{DOUBT, SET_UP_SECONDS, SHOWN_POINTS};
+use crate::plan::trial::stands_trial;
+use crate::plan::tuning::{DOUBT, RESTRICTIONS, SET_UP_SECONDS, SHOWN_POINTS};
 use crate::plan::{Plan, Scheme, levels};
 
 impl<K: Kernel> Fmm<Interpolation<K>> {
@@ -145,9 +147,10 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
         let (mut clock, mut tree_seconds) = (Clock::start(), 0.0);
         let trees = self.trees(sources, targets)?;
         clock.lap(&mut tree_seconds);
-        let candidates = self.candidates(&trees, tree_seconds);
+        let whole = Admissibility::default();
+        let candidates = self.candidates(&trees, tree_seconds, &whole);
         let (Candidate { scheme, estimate }, _) = cheapest(&self.expansion, &candidates);
-        Ok(estimate.unwrap_or_else(|| self.estimate_of(scheme, &trees, tree_seconds)))
+        Ok(estimate.unwrap_or_else(|| self.estimate_of(scheme, &trees, tree_seconds, &whole)))
     }
 
     /// Builds the plan. Empty sets are valid: sums over no sources are zero. If sources and targets
@@ -171,21 +174,23 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
         clock.lap(&mut times.tree);
 
         self.report(Phase::Lists, 0.0);
-        let mut candidates = self.candidates(&trees, times.tree);
-        let mut fallback = None;
+        let mut admissibility = Admissibility::default();
+        let mut candidates = self.candidates(&trees, times.tree, &admissibility);
+        let (mut fallback, mut restrictions) = (None, 0);
         loop {
             let (Candidate { scheme, mut estimate }, doubted) =
                 cheapest(&self.expansion, &candidates);
             if let Some(budget) = self.choices.memory_budget {
-                let estimate =
-                    estimate.get_or_insert_with(|| self.estimate_of(scheme, &trees, times.tree));
+                let estimate = estimate.get_or_insert_with(|| {
+                    self.estimate_of(scheme, &trees, times.tree, &admissibility)
+                });
                 if estimate.bytes() > budget {
                     return Err(Error::OverMemoryBudget { budget, needed: estimate.bytes() });
                 }
             }
             clock.lap(&mut times.lists);
             let mask = self.cell_mask(&trees);
-            let traversal = self.traversal(scheme, &trees, &mask);
+            let traversal = self.traversal(scheme, &trees, &mask, &admissibility);
             let lists = traversal.lists(&|fraction| self.report(Phase::Lists, fraction)).map_err(
                 |pair| Error::InvalidShare {
                     target: trees.target_tree.shape.order[pair.target as usize] as usize,
@@ -204,11 +209,13 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
             });
             let direct_seconds = pairs * pair_seconds;
             let mut geometry = Geometry {
-                most_seconds,
+                // What was given up has been paid for.
+                most_seconds: most_seconds / f64::from(1 << restrictions / 2),
                 most_apply_seconds: self.choices.most_apply_seconds(direct_seconds),
                 pair_seconds,
                 sources: some(&trees.sources),
                 targets: some(&trees.targets),
+                admissibility: admissibility.clone(),
                 ..Geometry::new(trees.root, levels)
             };
             let norms = self.measure(&trees, &lists, &mut geometry);
@@ -220,7 +227,8 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
                         && self.choices.may_sum_directly::<RealOf<E>>(&error) =>
                 {
                     let scheme = Scheme::Direct;
-                    let estimate = estimate.map(|_| self.estimate_of(scheme, &trees, times.tree));
+                    let estimate = estimate
+                        .map(|_| self.estimate_of(scheme, &trees, times.tree, &admissibility));
                     candidates = vec![Candidate { scheme, estimate }];
                     fallback = Some(error.to_string());
                     continue;
@@ -228,6 +236,22 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
                 prepared => prepared?,
             }
             self.report(Phase::Operators, 1.0);
+            let announced = geometry.levels.iter().map(|level| level.level);
+            let admits = |level, offset| self.expansion.admits(level, offset);
+            let mut carried = admissibility.with(announced.clone(), admits);
+            // What can't be tried is not trusted, and in the end nothing is.
+            if carried != admissibility && (self.choices.masked || restrictions == RESTRICTIONS) {
+                carried = admissibility.with(announced, |_, _| Coverage::Partial);
+            }
+            if carried != admissibility {
+                (admissibility, restrictions) = (carried, restrictions + 1);
+                candidates = self.candidates(&trees, times.tree, &admissibility);
+                if let Some(direct) = direct_unless_halved(&candidates) {
+                    fallback = Some("the expansion carries too few pairs of cells".to_string());
+                    candidates = vec![direct];
+                }
+                continue;
+            }
 
             // Operators for other charges are worth the direct sums that they save.
             let saved = self.choices.applications as f64 * direct_seconds;
@@ -236,6 +260,16 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
             let guard = guard.filter(|guard| guard.is_needed(&self.expansion));
             let plan = Plan::new(self.expansion, scheme, trees, lists);
             clock.lap(&mut times.lists);
+            let by_halves = !admissibility.is_whole() && !self.choices.masked;
+            if by_halves && scheme != Scheme::Direct && !stands_trial(&plan) {
+                fallback = Some("the kernel is too uneven between cells".to_string());
+                (self.expansion, trees) = plan.into_parts();
+                let (scheme, whole) = (Scheme::Direct, Admissibility::default());
+                let estimate =
+                    estimate.map(|_| self.estimate_of(scheme, &trees, times.tree, &whole));
+                candidates = vec![Candidate { scheme, estimate }];
+                continue;
+            }
             let right = match &estimate {
                 Some(estimate) if doubted => {
                     correct(&plan, estimate);
@@ -257,7 +291,8 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
         lists: &Lists,
         geometry: &mut Geometry<RealOf<E>>,
     ) -> Option<Norms> {
-        if self.choices.masked || geometry.levels.is_empty() {
+        let is_direct = geometry.levels.is_empty() && lists.left_out.items.is_empty();
+        if self.choices.masked || is_direct {
             return None;
         }
         self.expansion.again()?;
@@ -273,6 +308,7 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
         &self,
         trees: &Trees<SourceOf<E>, TargetOf<E>>,
         tree_seconds: f64,
+        admissibility: &Admissibility,
     ) -> Vec<Candidate> {
         let Choices { scheme, leaf_size, masked, .. } = self.choices;
         let given = scheme.or((masked || leaf_size.is_some()).then_some(Scheme::Fmm));
@@ -280,7 +316,7 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
             return vec![Candidate { scheme, estimate: None }];
         }
         let candidate = |scheme| {
-            let estimate = Some(self.estimate_of(scheme, trees, tree_seconds));
+            let estimate = Some(self.estimate_of(scheme, trees, tree_seconds, admissibility));
             Candidate { scheme, estimate }
         };
         // Few pairs are summed before anything else is set up.
@@ -306,11 +342,13 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
         scheme: Scheme,
         trees: &Trees<SourceOf<E>, TargetOf<E>>,
         tree_seconds: f64,
+        admissibility: &Admissibility,
     ) -> Estimate {
         let pair_seconds = self.pair_seconds(&trees.sources, &trees.targets);
         let expansion = &self.expansion;
         let forecast = Forecast { expansion, scheme, trees, pair_seconds, tree_seconds };
-        forecast.estimate(&self.traversal(scheme, trees, &self.cell_mask(trees)))
+        let mask = self.cell_mask(trees);
+        forecast.estimate(&self.traversal(scheme, trees, &mask, admissibility))
     }
 
     fn trees(
@@ -348,11 +386,13 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
         scheme: Scheme,
         trees: &'b Trees<SourceOf<E>, TargetOf<E>>,
         mask: &'b dyn CellMask,
+        admissibility: &'b Admissibility,
     ) -> Traversal<'b, RealOf<E>> {
         Traversal {
             targets: &trees.target_tree,
             sources: &trees.source_tree,
             mask,
+            admissibility,
             far: match scheme {
                 Scheme::Direct => Far::Nothing,
                 Scheme::Fmm if self.costs().weighs => Far::Weighed,

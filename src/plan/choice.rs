@@ -37,6 +37,14 @@ pub(crate) fn cheapest<E: Expansion>(expansion: &E, candidates: &[Candidate]) ->
     (candidates[best], doubted)
 }
 
+/// Direct sums, if they are among the candidates and no other promises to halve what they take. Where an expansion
+/// carries only some pairs of cells, the near field is in many pieces, and takes longer than forecast.
+pub(crate) fn direct_unless_halved(candidates: &[Candidate]) -> Option<Candidate> {
+    let direct = candidates.iter().find(|candidate| candidate.scheme == Scheme::Direct)?;
+    let is_halved = |other: &Candidate| other.seconds() < 0.5 * direct.seconds();
+    (!candidates.iter().any(is_halved)).then_some(*direct)
+}
+
 /// Applies `plan` to see how many times as long as forecast it takes, and remembers that for all plans
 /// of its kind.
 pub(crate) fn correct<E: Expansion>(plan: &Plan<E>, estimate: &Estimate) {

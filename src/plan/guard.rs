@@ -3,6 +3,7 @@
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::sync::{Arc, Mutex};
 
+use crate::expansion::admissibility::Admissibility;
 use crate::expansion::geometry::{Geometry, Strength};
 use crate::expansion::{ChargeOf, Expansion, RealOf};
 use crate::interaction::cell_mask::{PointMask, TreePoints};
@@ -11,7 +12,7 @@ use crate::kernel::mask::Unmasked;
 use crate::plan::charge_sums::ChargeSums;
 use crate::plan::norms::{Norms, forbid};
 use crate::plan::ready::Ready;
-use crate::plan::tuning::{OTHER_PLANS, UNUSUAL};
+use crate::plan::tuning::{LIKE_SIZES, OTHER_PLANS, UNUSUAL};
 use crate::plan::{Plan, Scheme};
 
 /// Of a level's values and derivatives.
@@ -26,7 +27,8 @@ pub(crate) struct Guard<E: Expansion> {
     applications: AtomicUsize,
 }
 
-type Other<E> = (Vec<Strengths>, Arc<Ready<E>>);
+/// Made for these strengths, or direct where more than the tolerance was left out.
+type Other<E> = (Option<Vec<Strengths>>, Arc<Ready<E>>);
 
 impl<E: Expansion> Guard<E> {
     /// For a plan of that geometry, with what operators for other charges may cost.
@@ -53,7 +55,8 @@ impl<E: Expansion> Guard<E> {
     ) -> Option<Arc<Ready<E>>> {
         let sums = ChargeSums::new(charges, &usual.source_tree.shape)?;
         let strengths = self.norms.strengths_for(&sums);
-        if !forbid(&strengths, |level| usual.expansion.pair_sizes(level)) {
+        let leaves_out = self.norms.left_out(&sums) > LIKE_SIZES * usual.pair_tolerance;
+        if !leaves_out && !forbid(&strengths, |level| usual.expansion.pair_sizes(level)) {
             return None;
         }
         self.applications.fetch_add(1, Relaxed);
@@ -62,8 +65,8 @@ impl<E: Expansion> Guard<E> {
                 own[channel].zip(usual[channel]).map(|(own, usual)| stricter(own, usual))
             })
         };
-        let strengths: Vec<Strengths> =
-            strengths.into_iter().zip(&self.norms.usual).map(stricter).collect();
+        let strengths = strengths.into_iter().zip(&self.norms.usual).map(stricter);
+        let strengths: Option<Vec<Strengths>> = (!leaves_out).then(|| strengths.collect());
         let mut others = self.others.lock().unwrap_or_else(|e| e.into_inner());
         let known = others.iter().position(|(known, _)| *known == strengths);
         if let Some(known) = known.map(|known| others.remove(known)) {
@@ -72,7 +75,12 @@ impl<E: Expansion> Guard<E> {
             return Some(plan);
         }
         drop(others);
-        let plan = Arc::new(Ready::new(self.plan_for(usual, &strengths)?));
+        let expanded = strengths.as_ref().and_then(|own| self.expanded(usual, own));
+        let plan = match expanded {
+            Some(plan) => plan,
+            None => direct(usual)?,
+        };
+        let plan = Arc::new(Ready::new(plan));
         let mut others = self.others.lock().unwrap_or_else(|e| e.into_inner());
         others.push((strengths, Arc::clone(&plan)));
         if others.len() > OTHER_PLANS {
@@ -81,26 +89,33 @@ impl<E: Expansion> Guard<E> {
         Some(plan)
     }
 
-    /// Direct where no expansion can be had.
-    fn plan_for(&self, usual: &Plan<E>, strengths: &[Strengths]) -> Option<Plan<E>> {
+    /// With an expansion for these strengths, if one can be had.
+    fn expanded(&self, usual: &Plan<E>, strengths: &[Strengths]) -> Option<Plan<E>> {
         let mut geometry = self.geometry.clone();
         for level in &mut geometry.levels {
             [level.values, level.slopes] = strengths[level.level];
         }
         let mut expansion = usual.expansion.again()?;
-        let trees = usual.trees();
-        if expansion.prepare(&geometry).is_ok() {
-            return Some(Plan::new(expansion, usual.scheme, trees, usual.lists.clone()));
-        }
-        let mask: PointMask<'_, E::Kernel, _> = PointMask {
-            mask: &Unmasked,
-            targets: TreePoints { tree: &trees.target_tree, points: &trees.targets },
-            sources: TreePoints { tree: &trees.source_tree, points: &trees.sources },
-        };
-        let (targets, sources) = (&*trees.target_tree, &*trees.source_tree);
-        let lists = Traversal { targets, sources, mask: &mask, far: Far::Nothing }.unmasked();
-        Some(Plan::new(usual.expansion.again()?, Scheme::Direct, trees, lists))
+        expansion.prepare(&geometry).ok()?;
+        let levels = geometry.levels.iter().map(|level| level.level);
+        let admits = |level, offset| expansion.admits(level, offset);
+        let is_the_same = geometry.admissibility.with(levels, admits) == geometry.admissibility;
+        is_the_same.then(|| Plan::new(expansion, usual.scheme, usual.trees(), usual.lists.clone()))
     }
+}
+
+/// Sums directly what another plan sums.
+fn direct<E: Expansion>(usual: &Plan<E>) -> Option<Plan<E>> {
+    let trees = usual.trees();
+    let mask: PointMask<'_, E::Kernel, _> = PointMask {
+        mask: &Unmasked,
+        targets: TreePoints { tree: &trees.target_tree, points: &trees.targets },
+        sources: TreePoints { tree: &trees.source_tree, points: &trees.sources },
+    };
+    let (targets, sources) = (&*trees.target_tree, &*trees.source_tree);
+    let (far, admissibility) = (Far::Nothing, &Admissibility::default());
+    let lists = Traversal { targets, sources, mask: &mask, far, admissibility }.unmasked();
+    Some(Plan::new(usual.expansion.again()?, Scheme::Direct, trees, lists))
 }
 
 /// No laxer than usual, and a power of two, so that charges that are much the same share a plan.

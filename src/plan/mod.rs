@@ -18,6 +18,7 @@ pub(crate) mod report;
 pub(crate) mod sampled_target;
 pub(crate) mod stats;
 pub(crate) mod times;
+pub(crate) mod trial;
 pub(crate) mod tuning;
 
 use std::fmt;

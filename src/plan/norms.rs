@@ -10,7 +10,7 @@ use crate::numbers::traits::l2_norm;
 use crate::octree::trees::Trees;
 use crate::parallel;
 use crate::plan::charge_sums::ChargeSums;
-use crate::plan::sampled_target::{Part, Target};
+use crate::plan::sampled_target::{Part, Target, Way};
 use crate::plan::tuning::{ISOLATED_SHARE, LIKE_SIZES, NORM_TARGETS, ONE_SIGN};
 
 /// Values of the kernel at sampled targets, and what follows from them for charges of one size.
@@ -80,12 +80,29 @@ impl Norms {
     /// large an error.
     pub(crate) fn depend_on_charges(&self, sizes: impl Fn(usize) -> [f64; 2]) -> bool {
         // Whatever the charges, sums over some pairs are no smaller than if all were the weakest of them.
-        let too_weak = |part: &Part| {
-            let Some(level) = part.level else { return false };
-            let sizes = sizes(level);
-            (0..2).any(|channel| sizes[channel] > LIKE_SIZES * part.magnitudes[channel])
+        let too_weak = |part: &Part| match part.way {
+            Way::Near => false,
+            Way::Through(level) => {
+                let sizes = sizes(level);
+                (0..2).any(|channel| sizes[channel] > LIKE_SIZES * part.magnitudes[channel])
+            }
+            Way::LeftOut => true,
         };
         self.targets.iter().flat_map(|target| &target.parts).any(too_weak)
+    }
+
+    /// What is left out of sums with these charges, relative to whole sums: of values or of derivatives,
+    /// whichever is more.
+    pub(crate) fn left_out(&self, charges: &ChargeSums) -> f64 {
+        let share = |channel: usize, kind: usize| {
+            let received = |counts: fn(Way) -> bool| -> Vec<f64> {
+                let at = |target: &Target| target.received(channel, Some(charges), counts)[kind];
+                self.targets.iter().map(at).collect()
+            };
+            let left_out = received(|way| matches!(way, Way::LeftOut));
+            relative(&left_out, &floored(received(|_| true)))
+        };
+        [share(0, 0), share(0, 1), share(1, 0), share(1, 1)].into_iter().fold(0.0, f64::max)
     }
 
     fn strengths(&self, charges: Option<&ChargeSums>) -> Vec<[Option<Strength>; 2]> {
@@ -97,19 +114,14 @@ impl Norms {
         let mut wholes = [Vec::new(), Vec::new()];
         let mut levels = vec![Passing::new(self.targets.len()); self.levels];
         for (i, target) in self.targets.iter().enumerate() {
-            let means = target.means[channel].chunks_exact(target.len(channel));
-            let (mut sum, mut any_sign) = (vec![0.0; target.len(channel)], 0.0f64);
-            for (part, mean) in target.parts.iter().zip(means) {
-                let [q, norm] = part.sources.charges(charges);
-                let received = part.magnitudes[channel] * norm;
-                any_sign = any_sign.hypot(received);
-                sum.iter_mut().zip(mean).for_each(|(sum, g)| *sum += g * q);
-                if let Some(level) = part.level {
-                    levels[level].add(i, [q, norm], received);
+            for part in &target.parts {
+                if let Way::Through(level) = part.way {
+                    let sizes = part.sources.charges(charges);
+                    levels[level].add(i, sizes, part.magnitudes[channel] * sizes[1]);
                 }
             }
-            wholes[0].push(l2_norm(sum.into_iter()).max(any_sign));
-            wholes[1].push(any_sign);
+            let received = target.received(channel, charges, |_| true);
+            wholes.iter_mut().zip(received).for_each(|(wholes, own)| wholes.push(own));
         }
         let wholes = wholes.map(floored);
         let size = |errors: &[Errors]| {

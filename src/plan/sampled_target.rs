@@ -22,11 +22,22 @@ pub(crate) struct Target {
 /// Sources that act on a target alike.
 #[derive(Debug)]
 pub(crate) struct Part {
-    /// The level of the expansion that carries them, if one does.
-    pub(crate) level: Option<usize>,
+    /// How they come to the target.
+    pub(crate) way: Way,
     pub(crate) sources: Sources,
     /// The root mean square of |G| and of |∂G/∂x|.
     pub(crate) magnitudes: [f64; 2],
+}
+
+/// How what sources send comes to a target.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Way {
+    /// It is summed directly.
+    Near,
+    /// Through the expansions of a level.
+    Through(usize),
+    /// It is left out.
+    LeftOut,
 }
 
 #[derive(Clone, Debug)]
@@ -83,17 +94,19 @@ impl Target {
             let run = run.first as usize..run.last as usize;
             let starts = run.clone().step_by(together);
             let cut = |start| Sources::Run(start..run.end.min(start + together));
-            parts.extend(starts.map(|start| (None, cut(start))));
+            parts.extend(starts.map(|start| (Way::Near, cut(start))));
         }
-        let far = |level: usize, s: u32| {
+        let cell = |way: Way, s: u32| {
             let points = source_cells.nodes[s as usize].points();
-            (Some(level), Sources::Cell(s as usize, points))
+            (way, Sources::Cell(s as usize, points))
         };
-        let m2p = lists.m2p.of(leaf).iter();
-        parts.extend(m2p.map(|&s| far(source_cells.nodes[s as usize].level(), s)));
-        for cell in target_cells.path_to_root(leaf) {
-            let met = lists.m2l.of(cell).iter().chain(lists.p2l.of(cell));
-            parts.extend(met.map(|&s| far(target_cells.nodes[cell].level(), s)));
+        let through = |s: u32| Way::Through(source_cells.nodes[s as usize].level());
+        parts.extend(lists.m2p.of(leaf).iter().map(|&s| cell(through(s), s)));
+        for t in target_cells.path_to_root(leaf) {
+            let through = Way::Through(target_cells.nodes[t].level());
+            let met = lists.m2l.of(t).iter().chain(lists.p2l.of(t));
+            parts.extend(met.map(|&s| cell(through, s)));
+            parts.extend(lists.left_out.of(t).iter().map(|&s| cell(Way::LeftOut, s)));
         }
 
         let places = parts.iter().flat_map(|(_, sources)| sources.samples());
@@ -111,13 +124,27 @@ impl Target {
         let (values, value_sizes) = means(&parts, &values, &apart);
         let (slopes, slope_sizes) = means(&parts, &slopes, &apart);
         let sizes = value_sizes.into_iter().zip(slope_sizes);
-        let part = |((level, sources), (value, slope))| Part {
-            level,
-            sources,
-            magnitudes: [value, slope],
-        };
+        let part =
+            |((way, sources), (value, slope))| Part { way, sources, magnitudes: [value, slope] };
         let parts = parts.into_iter().zip(sizes).map(part).collect();
         Self { parts, means: [values, slopes] }
+    }
+
+    /// What the target receives in ways that count, from charges of one sign and of any.
+    pub(crate) fn received(
+        &self,
+        channel: usize,
+        charges: Option<&ChargeSums>,
+        counts: impl Fn(Way) -> bool,
+    ) -> [f64; 2] {
+        let means = self.means[channel].chunks_exact(self.len(channel));
+        let (mut sum, mut any_sign) = (vec![0.0; self.len(channel)], 0.0f64);
+        for (part, mean) in self.parts.iter().zip(means).filter(|(part, _)| counts(part.way)) {
+            let [q, norm] = part.sources.charges(charges);
+            any_sign = any_sign.hypot(part.magnitudes[channel] * norm);
+            sum.iter_mut().zip(mean).for_each(|(sum, g)| *sum += g * q);
+        }
+        [l2_norm(sum.into_iter()).max(any_sign), any_sign]
     }
 
     /// How many numbers make up a matrix.
@@ -129,7 +156,7 @@ impl Target {
 /// The mean over the samples of each part, and the root mean square, of matrices that are given for all samples
 /// one after the other; only those count that are between points apart.
 fn means<S: Scalar>(
-    parts: &[(Option<usize>, Sources)],
+    parts: &[(Way, Sources)],
     entries: &[S],
     apart: &[bool],
 ) -> (Vec<f64>, Vec<f64>) {

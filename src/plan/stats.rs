@@ -34,6 +34,8 @@ pub struct Stats {
     pub expansion_pairs: u64,
     /// Pairs of points that are summed directly.
     pub direct_pairs: u64,
+    /// Pairs of points that are left out, because all that they come to is within the tolerance.
+    pub left_out_pairs: u64,
     /// Pairs of cells by M2L, M2P and P2L.
     pub cell_pairs: [u64; 3],
     /// Bytes of the trees and of the points in tree order.
@@ -74,6 +76,7 @@ pub(crate) fn stats<E: Expansion>(plan: &Plan<E>) -> Stats {
         terms_per_cell: expansion.multipole_len(depth),
         expansion_pairs: 0,
         direct_pairs: 0,
+        left_out_pairs: 0,
         cell_pairs: [
             lists.weighed_m2l().map(|(_, list)| list.items.len() as u64).sum(),
             lists.m2p.items.len() as u64,
@@ -91,22 +94,24 @@ pub(crate) fn stats<E: Expansion>(plan: &Plan<E>) -> Stats {
         stats.cells += target_tree.cells.len();
         stats.tree_bytes += target_tree.bytes();
     }
-    (stats.expansion_pairs, stats.direct_pairs) =
+    [stats.expansion_pairs, stats.direct_pairs, stats.left_out_pairs] =
         pairs(lists, &target_tree.shape.nodes, &source_tree.shape.nodes);
     stats
 }
 
-/// Pairs of points that expansions carry, and that are summed directly.
-fn pairs(lists: &Lists, targets: &[Node], sources: &[Node]) -> (u64, u64) {
+/// Pairs of points that expansions carry, that are summed directly, and that are left out.
+fn pairs(lists: &Lists, targets: &[Node], sources: &[Node]) -> [u64; 3] {
     let pairs = |(t, target): (usize, &Node)| {
         let targets = target.count() as u64;
         let sources_of = |&s: &u32| sources[s as usize].count() as u64;
         let m2l = lists.weighed_m2l().map(|(_, list)| list);
         let far = m2l.chain([&lists.m2p, &lists.p2l]).flat_map(|list| list.of(t));
-        (targets * far.map(sources_of).sum::<u64>(), near_pairs(lists, t, targets))
+        let left_out = lists.left_out.of(t).iter().map(sources_of).sum::<u64>();
+        let far = far.map(sources_of).sum::<u64>();
+        [targets * far, near_pairs(lists, t, targets), targets * left_out]
     };
-    let sum = |(a, x): (u64, u64), (b, y): (u64, u64)| (a + b, x + y);
-    targets.par_iter().enumerate().map(pairs).reduce(|| (0, 0), sum)
+    let sum = |a: [u64; 3], b: [u64; 3]| std::array::from_fn(|k| a[k] + b[k]);
+    targets.par_iter().enumerate().map(pairs).reduce(|| [0; 3], sum)
 }
 
 /// Pairs of points in the near field of target cell `t`, which has this many targets.

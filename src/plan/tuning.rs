@@ -54,6 +54,15 @@ pub(crate) const APPLY_REPETITIONS: usize = 4;
 /// After how many seconds a plan is no longer applied to see how long that takes.
 pub(crate) const APPLY_BUDGET: f64 = 0.05;
 
+/// How often an expansion may find that it carries fewer pairs of cells.
+pub(crate) const RESTRICTIONS: usize = 4;
+
+/// Targets at which a plan is tried, about.
+pub(crate) const TRIAL_TARGETS: usize = 64;
+
+/// Sums may then be off by this many times what a near pair may: half the tolerance of interpolation.
+pub(crate) const TRIAL_PAIRS: f64 = 5.0;
+
 /// Values per task of a check.
 pub(crate) const CHECK_CHUNK: usize = 4096;
 

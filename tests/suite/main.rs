@@ -13,6 +13,7 @@ mod moments;
 mod radiosity;
 mod sizes;
 mod translation_theorems;
+mod uneven_kernels;
 mod whole_sums;
 mod written_once;
 

@@ -1,0 +1,161 @@
+//! How many nodes per axis a tolerance needs, and what is not smooth enough for any number of them.
+
+use crate::error::Error;
+use crate::expansion::admissibility::Admissibility;
+use crate::expansion::geometry::Level;
+use crate::interpolation::budget::INTERPOLATION_SHARE;
+use crate::interpolation::chebyshev::Chebyshev;
+use crate::interpolation::far_field::{FarField, OffsetErrors};
+use crate::interpolation::means::{interaction_offsets, largest, weight};
+use crate::interpolation::tuning::{MAX_ORDER, SMOOTH_SHARE, UNEVEN_SHARE, WORTH_A_NODE};
+use crate::kernel::mask::Coverage;
+use crate::numbers::traits::Real;
+
+/// Why there are no operators.
+#[derive(Debug)]
+pub(crate) enum Refusal {
+    /// There can be none.
+    Error(Error),
+    /// Not for all offsets.
+    Restricted(Restriction),
+}
+
+/// Offsets that are not to be carried.
+#[derive(Debug)]
+pub(crate) struct Restriction {
+    /// What is done for them.
+    pub(crate) coverage: Coverage,
+    /// Whether an offset is one of them, for each of the [`interaction_offsets`], level by level.
+    pub(crate) offsets: Vec<Vec<bool>>,
+}
+
+impl Restriction {
+    /// Splits the cells where there is no smooth kernel.
+    pub(crate) fn split(offsets: Vec<Vec<bool>>) -> Refusal {
+        Refusal::Restricted(Self { coverage: Coverage::Partial, offsets })
+    }
+
+    /// What `before` becomes for some levels. Offsets that are images of each other are treated alike, since they
+    /// share operators.
+    pub(crate) fn of<T: Real>(
+        &self,
+        before: &Admissibility,
+        levels: &[Level<T>],
+        reflected: impl Fn(usize) -> bool,
+    ) -> Admissibility {
+        let mut all = before.clone();
+        for (index, level) in levels.iter().enumerate() {
+            // One set may serve all levels.
+            let index = index.min(self.offsets.len() - 1);
+            let own = &self.offsets[index];
+            let reflected = reflected(index);
+            let is_one = |image: [i32; 3]| {
+                interaction_offsets().zip(own).any(|(offset, &is_one)| is_one && offset == image)
+            };
+            for offset in interaction_offsets().zip(own).filter(|(_, own)| **own).map(|(o, _)| o) {
+                let images = images(offset, reflected);
+                if self.coverage == Coverage::Partial || images.iter().all(|&o| is_one(o)) {
+                    images.into_iter().for_each(|image| all.set(level.level, image, self.coverage));
+                }
+            }
+        }
+        all
+    }
+}
+
+/// An offset and those that share its operators: the opposite one, or all reflections.
+fn images(offset: [i32; 3], reflected: bool) -> Vec<[i32; 3]> {
+    let signs = |k: usize| [0, 1, 2].map(|axis| if k >> axis & 1 == 0 { 1 } else { -1 });
+    let image = |k: usize| {
+        let signs = signs(k);
+        [0, 1, 2].map(|axis| signs[axis] * offset[axis])
+    };
+    if reflected { (0..8).map(image).collect() } else { vec![image(0), image(7)] }
+}
+
+impl From<Error> for Refusal {
+    fn from(error: Error) -> Self {
+        Self::Error(error)
+    }
+}
+
+/// The rule with the fewest nodes whose error is the share of the tolerance that interpolation may use.
+pub(crate) fn fewest_nodes<T: Real>(
+    requested: f64,
+    afford: impl Fn(usize) -> Result<(), Error>,
+    error: impl Fn(&Chebyshev<T>) -> f64,
+) -> Result<Chebyshev<T>, Error> {
+    let mut reachable = f64::INFINITY;
+    for n in 1..=MAX_ORDER {
+        afford(n)?;
+        let rule = Chebyshev::new(n);
+        let needed = error(&rule) / INTERPOLATION_SHARE;
+        reachable = reachable.min(needed);
+        if needed <= requested {
+            return Ok(rule);
+        }
+    }
+    Err(Error::UnreachableTolerance { requested, reachable })
+}
+
+/// The same for the far fields of some levels, of which some offsets may be in the way: `closer` then looks at each of
+/// them more closely, level by level.
+pub(crate) fn order_of<T: Real>(
+    requested: f64,
+    fields: &[FarField<T>],
+    afford: impl Fn(usize) -> Result<(), Error>,
+    errors: impl Fn(&Chebyshev<T>) -> Vec<OffsetErrors>,
+    closer: impl Fn(&Chebyshev<T>) -> Result<Vec<Vec<f64>>, Error>,
+) -> Result<usize, Refusal> {
+    let tried = std::cell::RefCell::new(Vec::new());
+    let rule = fewest_nodes(requested, afford, |rule| {
+        let errors = errors(rule);
+        let mean = largest(errors.iter().map(|level| level.mean));
+        tried.borrow_mut().push(errors);
+        mean
+    });
+    let refusal = match rule {
+        Ok(rule) => return Ok(rule.len()),
+        Err(refusal) => refusal,
+    };
+    let most = INTERPOLATION_SHARE * requested;
+    let tried = tried.into_inner();
+    let smooth = |errors: &Vec<OffsetErrors>| {
+        smooth_share(fields, &failing(errors.iter().map(|level| &level.each[..]), most))
+    };
+    let Some(last) = tried.last().map(smooth).filter(|&share| share >= SMOOTH_SHARE) else {
+        return Err(refusal.into());
+    };
+    // More nodes are not worth it for a few offsets more.
+    let Some(n) = tried.iter().position(|errors| smooth(errors) >= WORTH_A_NODE * last) else {
+        return Err(refusal.into());
+    };
+    let mut failing = failing(tried[n].iter().map(|level| &level.each[..]), most);
+    if smooth_share(fields, &failing) > 1.0 - UNEVEN_SHARE {
+        return Err(refusal.into());
+    }
+    // What is in the way somewhere may be so at other offsets and have been missed.
+    for (failing, closer) in failing.iter_mut().zip(closer(&Chebyshev::new(n + 1))?) {
+        failing.iter_mut().zip(closer).for_each(|(fails, error)| *fails |= !(error <= most));
+    }
+    Err(Restriction::split(failing))
+}
+
+/// Which offsets of each level have larger errors than `most`, or none that is a number.
+fn failing<'a>(errors: impl Iterator<Item = &'a [f64]>, most: f64) -> Vec<Vec<bool>> {
+    errors.map(|level| level.iter().map(|&error| !(error <= most)).collect()).collect()
+}
+
+/// The share of what is carried that does not fail.
+pub(crate) fn smooth_share<T: Real>(fields: &[FarField<T>], failing: &[Vec<bool>]) -> f64 {
+    let (mut smooth, mut all) = (0.0, 0.0);
+    for (far, failing) in fields.iter().zip(failing) {
+        for (offset, &fails) in interaction_offsets().zip(failing) {
+            if far.carried().has(offset) {
+                all += weight(offset);
+                smooth += if fails { 0.0 } else { weight(offset) };
+            }
+        }
+    }
+    if all > 0.0 { smooth / all } else { 0.0 }
+}
