@@ -5,7 +5,7 @@ use glam::DVec3;
 
 use crate::scene::Scene;
 use crate::scene::error::SceneError;
-use crate::scene::geometry::{area, fan, regular_polygon};
+use crate::scene::geometry::{fan, regular_polygon, vector_area};
 use crate::scene::surface::{ScenePoint, Surface};
 
 /// How many elements a mesh may have.
@@ -43,10 +43,11 @@ impl Mesh {
     /// in the same order; then those of points.
     ///
     /// # Errors
-    /// [`SceneError::Cuts`] unless there is one entry of positive numbers for each surface,
-    /// [`SceneError::TooManyElements`], or [`SceneError::Surface`] for a surface that isn't flat and
-    /// convex.
+    /// What [`Scene::check`] refuses, [`SceneError::Cuts`] unless there is one entry of positive numbers
+    /// for each surface, [`SceneError::TooManyElements`], or [`SceneError::Surface`] for a surface whose
+    /// pieces aren't flat and convex.
     pub fn with_cuts(scene: &Scene, cuts: &[Cuts]) -> Result<Self, SceneError> {
+        scene.check()?;
         if cuts.len() != scene.surfaces.len() || cuts.iter().flatten().any(|&cut| cut == 0) {
             let (found, expected) = (cuts.len(), scene.surfaces.len());
             return Err(SceneError::Cuts { found, expected });
@@ -56,9 +57,8 @@ impl Mesh {
             return Err(SceneError::TooManyElements { found, limit: MOST_ELEMENTS });
         }
         let mut mesh = Self::default();
-        for (index, (surface, &cuts)) in scene.surfaces.iter().zip(cuts).enumerate() {
-            let two_sided = scene.materials[surface.material].two_sided;
-            let added = mesh.add_surface(index, surface, cuts, two_sided);
+        for (index, &cuts) in cuts.iter().enumerate() {
+            let added = mesh.add_surface(scene, index, cuts);
             added.map_err(|source| SceneError::Surface { index, source })?;
         }
         // Disks are faces of their own, after those of the surfaces.
@@ -74,19 +74,20 @@ impl Mesh {
 
     fn add_surface(
         &mut self,
+        scene: &Scene,
         index: usize,
-        surface: &Surface,
         cuts: Cuts,
-        two_sided: bool,
     ) -> Result<(), farfield_radiosity::Error> {
-        let pieces = pieces(&surface.corners, cuts);
-        let backs = pieces.iter().filter(|_| two_sided);
+        let surface = &scene.surfaces[index];
+        let corners = scene.corners(surface);
+        let pieces = pieces(&corners, cuts);
+        let backs = pieces.iter().filter(|_| scene.materials[surface.material].two_sided);
         let backs = backs.map(|piece| piece.iter().rev().copied().collect());
-        for corners in pieces.iter().cloned().chain(backs) {
-            let element = Element::patch(Patch::new(&corners)?, surface.face);
+        for piece in pieces.iter().cloned().chain(backs) {
+            let element = Element::patch(Patch::new(&piece)?, surface.face);
             self.add(element, index as u32, surface.material);
         }
-        self.add_triangles(&surface.corners, surface.face);
+        self.add_triangles(&corners, surface.face);
         Ok(())
     }
 
@@ -185,7 +186,7 @@ pub fn even_cuts(scene: &Scene, elements: usize) -> Result<Vec<Cuts>, SceneError
         return Err(SceneError::TooManyElements { found, limit });
     }
     scene.check()?;
-    let lengths: Vec<_> = scene.surfaces.iter().map(edge_lengths).collect();
+    let lengths: Vec<_> = scene.surfaces.iter().map(|s| edge_lengths(&scene.corners(s))).collect();
     let cuts = |edge: f64| lengths.iter().map(move |lengths| lengths.map(|l| pieces_of(l, edge)));
     let fits = |edge: f64| count(scene, cuts(edge)) <= elements as f64;
     // No surface is cut at all if elements may be as long as the longest of them.
@@ -220,12 +221,12 @@ fn pieces_of(length: f64, edge: f64) -> u32 {
 
 /// Mean lengths of a quadrilateral across and along. For a triangle the edge of the square of
 /// the same area, so that its pieces are as large as those of quadrilaterals.
-pub(crate) fn edge_lengths(surface: &Surface) -> [f64; 2] {
-    match surface.corners[..] {
+pub(crate) fn edge_lengths(corners: &[DVec3]) -> [f64; 2] {
+    match *corners {
         [a, b, c, d] => {
             [0.5 * (a.distance(b) + d.distance(c)), 0.5 * (a.distance(d) + b.distance(c))]
         }
-        _ => [area(surface).sqrt(); 2],
+        _ => [vector_area(corners).length().sqrt(); 2],
     }
 }
 
@@ -233,13 +234,13 @@ pub(crate) fn edge_lengths(surface: &Surface) -> [f64; 2] {
 mod tests {
     use super::*;
     use crate::generators::{GENERATORS, generate};
-    use crate::scene::geometry::vector_area;
     use crate::scene::material::Material;
 
     fn single(corners: &[DVec3], two_sided: bool) -> Scene {
         let material = Material { two_sided, ..Material::grey() };
-        let surface = Surface { corners: corners.to_vec(), material: 0, face: 3 };
-        Scene { materials: vec![material], surfaces: vec![surface], ..Scene::default() }
+        let mut scene = Scene { materials: vec![material], ..Scene::default() };
+        scene.add(corners, 0, 3);
+        scene
     }
 
     fn rectangle(x: f64, y: f64) -> [DVec3; 4] {
@@ -286,7 +287,7 @@ mod tests {
         for name in GENERATORS {
             let scene = generate(name).expect("listed");
             let sides = |s: &Surface| if scene.materials[s.material].two_sided { 2.0 } else { 1.0 };
-            let total: f64 = scene.surfaces.iter().map(|s| sides(s) * area(s)).sum();
+            let total: f64 = scene.surfaces.iter().map(|s| sides(s) * scene.area(s)).sum();
             let least = scene.surfaces.iter().map(sides).sum::<f64>() as usize;
             for asked in [1, 3_000, 10_000, 30_000] {
                 let mesh = Mesh::new(&scene, asked).expect("valid");
@@ -315,13 +316,14 @@ mod tests {
             assert_eq!(surface.material, material as usize);
             let surfel = element.surfel();
             assert_eq!(surface.face, surfel.face);
-            let normal = vector_area(&surface.corners).normalize();
+            let corners = scene.corners(surface);
+            let normal = vector_area(&corners).normalize();
             assert!(surfel.normal.distance(normal) < 1e-7);
-            assert!(normal.dot(surfel.position - surface.corners[0]).abs() < 1e-9);
+            assert!(normal.dot(surfel.position - corners[0]).abs() < 1e-9);
         }
         assert!(seen.iter().all(|&seen| seen));
         let occluders: f64 = mesh.triangles.iter().map(|t| vector_area(&t.vertices).length()).sum();
-        let total: f64 = scene.surfaces.iter().map(area).sum();
+        let total: f64 = scene.surfaces.iter().map(|s| scene.area(s)).sum();
         assert!((occluders / total - 1.0).abs() < 1e-12);
     }
 
@@ -385,8 +387,11 @@ mod tests {
         }
         assert!(message(Mesh::new(&Scene::default(), 10)).contains("neither surfaces nor points"));
         let mut bent = scene.clone();
-        bent.surfaces[0].corners[2].z = 0.5;
+        bent.vertices[2].z = 0.5;
         assert!(message(Mesh::new(&bent, 10)).starts_with("surface 0: "));
         assert!(message(Mesh::with_cuts(&bent, &[[1, 1]])).starts_with("surface 0: "));
+        let mut torn = scene.clone();
+        torn.vertices.pop();
+        assert!(message(Mesh::with_cuts(&torn, &[[1, 1]])).contains("has a corner at vertex 3"));
     }
 }

@@ -74,7 +74,7 @@ impl Refinement {
         let whole = |k: usize| -> [f64; 2] {
             let [u, v] =
                 std::array::from_fn(|axis| errors[k][axis] * f64::from(cuts[k][axis]).powi(2));
-            let [a, b] = edge_lengths(&scene.surfaces[k]);
+            let [a, b] = edge_lengths(&scene.corners(&scene.surfaces[k]));
             match cuts[k] {
                 [2..=u32::MAX, 1] => [u, u * (b / a).powi(2)],
                 [1, 2..=u32::MAX] => [v * (a / b).powi(2), v],
@@ -87,7 +87,7 @@ impl Refinement {
             if scene.surfaces[k].corners.len() == 3 {
                 return 1.0;
             }
-            let ([u, v], [a, b]) = (whole(k), edge_lengths(&scene.surfaces[k]));
+            let ([u, v], [a, b]) = (whole(k), edge_lengths(&scene.corners(&scene.surfaces[k])));
             let ratio = if v > 0.0 { (u / v).sqrt() } else { f64::INFINITY };
             let ratio = if u > 0.0 || v > 0.0 { ratio } else { a / b };
             ratio.clamp(a / b / MOST_ASPECT, a / b * MOST_ASPECT)
@@ -145,23 +145,17 @@ mod tests {
     use super::*;
     use crate::cutting::mesh::even_cuts;
     use crate::scene::material::Material;
-    use crate::scene::surface::Surface;
     use glam::DVec3;
 
     /// A floor of 2 × 1 and a triangle beside it.
     fn scene() -> Scene {
         let quad = [[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [0.0, 1.0]];
         let triangle = [[3.0, 0.0], [5.0, 0.0], [3.0, 2.0]];
-        let surface = |corners: &[[f64; 2]]| Surface {
-            corners: corners.iter().map(|[x, y]| DVec3::new(*x, *y, 0.0)).collect(),
-            material: 0,
-            face: 0,
-        };
-        Scene {
-            materials: vec![Material::grey()],
-            surfaces: vec![surface(&quad), surface(&triangle)],
-            ..Scene::default()
-        }
+        let at = |[x, y]: [f64; 2]| DVec3::new(x, y, 0.0);
+        let mut scene = Scene { materials: vec![Material::grey()], ..Scene::default() };
+        scene.add(&quad.map(at), 0, 0);
+        scene.add(&triangle.map(at), 0, 0);
+        scene
     }
 
     fn refined(elements: usize, tolerance: f64, most: usize) -> (Refinement, f64) {

@@ -132,7 +132,6 @@ mod tests {
     use crate::pictures::smooth::tests::smoothed;
     use crate::scene::Scene;
     use crate::scene::material::Material;
-    use crate::scene::surface::Surface;
     use crate::scene::viewpoint::Viewpoint;
     use std::f64::consts::PI;
 
@@ -223,7 +222,6 @@ mod tests {
         let corners = |z: f64, edge: f64| {
             [[-1.0, -1.0], [-1.0, 1.0], [1.0, 1.0], [1.0, -1.0]]
                 .map(|[x, y]| DVec3::new(edge * x, edge * y, z))
-                .to_vec()
         };
         let material = |emission: f64| Material {
             name: String::new(),
@@ -232,12 +230,10 @@ mod tests {
             temperature: None,
             two_sided: false,
         };
-        let surface = |corners, material| Surface { corners, material, face: material as u32 };
-        let scene = Scene {
-            materials: vec![material(0.0), material(8.0)],
-            surfaces: vec![surface(corners(0.0, 1.0), 0), surface(corners(4.0, 0.2), 1)],
-            ..Scene::default()
-        };
+        let materials = vec![material(0.0), material(8.0)];
+        let mut scene = Scene { materials, ..Scene::default() };
+        scene.add(&corners(0.0, 1.0), 0, 0);
+        scene.add(&corners(4.0, 0.2), 1, 1);
         let mut elements =
             grid(DVec3::new(-1.0, -1.0, 0.0), 2.0 * DVec3::X, 2.0 * DVec3::Y, [1, 1], 0);
         elements.extend(grid(

@@ -6,6 +6,7 @@ use farfield_radiosity::{Element, Error, Occluders, Surfel, Triangle};
 use glam::{DVec2, DVec3};
 
 use crate::scene::geometry::{fan, regular_polygon};
+use crate::scene::weld::Weld;
 
 /// The elements of a mesh as rays meet them.
 #[derive(Clone, Debug)]
@@ -123,18 +124,14 @@ const MOST_BACKS: usize = 1000;
 
 /// For each element, the first with the same corners and the opposite normal.
 fn backs(elements: &[Element]) -> Vec<Option<u32>> {
-    let key = |element: &Element| {
-        let centre = [element.surfel().position];
-        let corners = element.as_patch().map_or(&centre[..], |patch| patch.corners());
-        // Adding 0 makes the two zeros one.
-        let mut key: Vec<_> =
-            corners.iter().map(|c| c.to_array().map(|x| (x + 0.0).to_bits())).collect();
-        key.sort_unstable();
-        key
-    };
+    let mut weld = Weld::default();
     let mut places: HashMap<_, Vec<u32>> = HashMap::with_capacity(elements.len());
     for (index, element) in elements.iter().enumerate() {
-        places.entry(key(element)).or_default().push(index as u32);
+        let centre = [element.surfel().position];
+        let corners = element.as_patch().map_or(&centre[..], |patch| patch.corners());
+        let mut key: Vec<_> = corners.iter().map(|&corner| weld.vertex(corner)).collect();
+        key.sort_unstable();
+        places.entry(key).or_default().push(index as u32);
     }
     let mut backs = vec![None; elements.len()];
     for place in places.values() {

@@ -63,7 +63,7 @@ const FILM_OVER_FOCAL: f64 = 0.7;
 
 /// A viewpoint from which the sphere around the scene's bounding box just fits into the picture.
 fn from_outside(scene: &Scene) -> Viewpoint {
-    let corners = scene.surfaces.iter().flat_map(|surface| surface.corners.iter().copied());
+    let corners = scene.surfaces.iter().flat_map(|surface| scene.corners(surface));
     let points = corners.chain(scene.points.iter().map(|point| point.position));
     let [low, high] = points
         .fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[low, high], p| [low.min(p), high.max(p)]);
@@ -81,13 +81,12 @@ mod tests {
     use super::*;
     use crate::cutting::mesh::Mesh;
     use crate::generators::{GENERATORS, generate};
-    use crate::scene::surface::Surface;
 
     #[test]
     fn all_of_a_scene_without_a_camera_is_in_the_picture() {
-        let corners = vec![DVec3::ZERO, DVec3::new(9.0, 1.0, 0.0), DVec3::new(3.0, -4.0, 7.0)];
-        let surface = Surface { corners: corners.clone(), material: 0, face: 0 };
-        let scene = Scene { surfaces: vec![surface], ..Scene::default() };
+        let corners = [DVec3::ZERO, DVec3::new(9.0, 1.0, 0.0), DVec3::new(3.0, -4.0, 7.0)];
+        let mut scene = Scene::default();
+        scene.add(&corners, 0, 0);
         let nothing = Sight::new(&[]).expect("finite");
         let view = View::new(&scene, &nothing);
         assert_eq!((view.backs, view.repair), (Backs::Transparent, None));
