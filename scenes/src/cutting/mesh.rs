@@ -3,6 +3,7 @@
 use farfield_radiosity::{Element, Patch, Surfel, Triangle};
 use glam::DVec3;
 
+use crate::cutting::pieces::{Cuts, pieces};
 use crate::scene::Scene;
 use crate::scene::error::SceneError;
 use crate::scene::geometry::{fan, regular_polygon, vector_area};
@@ -23,11 +24,20 @@ pub struct Mesh {
     pub material: Vec<u32>,
     /// What hides: the surfaces, and hexagons for points, in triangles.
     pub triangles: Vec<Triangle>,
+    /// For each triangle, what it is of, as in `origin`.
+    pub(crate) owners: Vec<u32>,
+    /// What has become of each surface, then of each point.
+    pub(crate) wholes: Vec<Whole>,
 }
 
-/// Into how many pieces the edges of a surface are cut: those from its first corner to its second and
-/// from its first to its last. A triangle's edges are all cut alike, as the first number says.
-pub type Cuts = [u32; 2];
+/// A surface or a point in its elements.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Whole {
+    /// The first of its elements.
+    pub(crate) first: usize,
+    /// Into how many pieces it is cut.
+    pub(crate) cuts: Cuts,
+}
 
 impl Mesh {
     /// A scene in about `elements` elements of nearly equal size, by [`even_cuts`].
@@ -57,17 +67,16 @@ impl Mesh {
             return Err(SceneError::TooManyElements { found, limit: MOST_ELEMENTS });
         }
         let mut mesh = Self::default();
-        for (index, &cuts) in cuts.iter().enumerate() {
-            let added = mesh.add_surface(scene, index, cuts);
+        for (index, (surface, &cuts)) in scene.surfaces.iter().zip(cuts).enumerate() {
+            let added = mesh.add_surface(scene, surface, cuts);
             added.map_err(|source| SceneError::Surface { index, source })?;
         }
         // Disks are faces of their own, after those of the surfaces.
         let faces = scene.surfaces.iter().map(|surface| surface.face);
         let free = faces.filter(|&face| face != Surfel::<f64>::NO_FACE).max().map_or(0, |f| f + 1);
         for (index, point) in scene.points.iter().enumerate() {
-            let origin = (scene.surfaces.len() + index) as u32;
             let two_sided = scene.materials[point.material].two_sided;
-            mesh.add_point(origin, point, free + index as u32, two_sided);
+            mesh.add_point(point, free + index as u32, two_sided);
         }
         Ok(mesh)
     }
@@ -75,92 +84,52 @@ impl Mesh {
     fn add_surface(
         &mut self,
         scene: &Scene,
-        index: usize,
+        surface: &Surface,
         cuts: Cuts,
     ) -> Result<(), farfield_radiosity::Error> {
-        let surface = &scene.surfaces[index];
+        self.begin(cuts);
         let corners = scene.corners(surface);
         let pieces = pieces(&corners, cuts);
         let backs = pieces.iter().filter(|_| scene.materials[surface.material].two_sided);
         let backs = backs.map(|piece| piece.iter().rev().copied().collect());
         for piece in pieces.iter().cloned().chain(backs) {
             let element = Element::patch(Patch::new(&piece)?, surface.face);
-            self.add(element, index as u32, surface.material);
+            self.add(element, surface.material);
         }
         self.add_triangles(&corners, surface.face);
         Ok(())
     }
 
-    fn add_point(&mut self, origin: u32, point: &ScenePoint, face: u32, two_sided: bool) {
+    fn add_point(&mut self, point: &ScenePoint, face: u32, two_sided: bool) {
+        self.begin([1, 1]);
         let ScenePoint { position, normal, area, material } = *point;
-        self.add(Element::disk(Surfel { position, normal, area, face }), origin, material);
+        self.add(Element::disk(Surfel { position, normal, area, face }), material);
         if two_sided {
             let back = Surfel { position, normal: -normal, area, face };
-            self.add(Element::disk(back), origin, material);
+            self.add(Element::disk(back), material);
         }
         self.add_triangles(&regular_polygon::<6>(position, normal, area), face);
     }
 
+    fn begin(&mut self, cuts: Cuts) {
+        self.wholes.push(Whole { first: self.elements.len(), cuts });
+    }
+
+    /// The index of what has begun last.
+    fn latest(&self) -> u32 {
+        self.wholes.len() as u32 - 1
+    }
+
     fn add_triangles(&mut self, corners: &[DVec3], face: u32) {
         self.triangles.extend(fan(corners).map(|vertices| Triangle { vertices, face }));
+        self.owners.resize(self.triangles.len(), self.latest());
     }
 
-    fn add(&mut self, element: Element, origin: u32, material: usize) {
+    fn add(&mut self, element: Element, material: usize) {
         self.elements.push(element);
-        self.origin.push(origin);
+        self.origin.push(self.latest());
         self.material.push(material as u32);
     }
-}
-
-/// The pieces of a triangle or quadrilateral, each with the orientation of the whole.
-///
-/// A quadrilateral is cut into a bilinear grid: piece i·nv + j covers u ∈ [i, i+1]/nu and
-/// v ∈ [j, j+1]/nv, where u runs from the first corner to the second, v from the first to the fourth.
-/// A triangle is cut into n² similar ones, row by row from its first corner to its second.
-pub(crate) fn pieces(corners: &[DVec3], [nu, nv]: Cuts) -> Vec<Vec<DVec3>> {
-    let mut pieces = Vec::new();
-    match *corners {
-        [a, b, c] => {
-            let n = nu;
-            let at = |i: u32, j: u32| {
-                // Exact at the corners, and alike on both sides of a shared edge.
-                let weights = [n - i - j, i, j].map(|weight| f64::from(weight) / f64::from(n));
-                a * weights[0] + b * weights[1] + c * weights[2]
-            };
-            for i in 0..n {
-                for j in 0..n - i {
-                    pieces.push(vec![at(i, j), at(i + 1, j), at(i, j + 1)]);
-                    if i + j + 1 < n {
-                        pieces.push(vec![at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)]);
-                    }
-                }
-            }
-        }
-        [a, b, c, d] => {
-            let at = |i: u32, j: u32| {
-                let (u, v) = (f64::from(i) / f64::from(nu), f64::from(j) / f64::from(nv));
-                a.lerp(b, u).lerp(d.lerp(c, u), v)
-            };
-            for i in 0..nu {
-                for j in 0..nv {
-                    pieces.push(vec![at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)]);
-                }
-            }
-        }
-        _ => (),
-    }
-    pieces
-}
-
-/// The number among [`pieces`] of the one in row i and column j: of a triangle, of those that are not
-/// turned. None beyond the last.
-pub(crate) fn piece_number(corners: usize, [nu, nv]: Cuts, [i, j]: [u32; 2]) -> Option<usize> {
-    let number = match corners {
-        3 if i + j < nu => 2 * nu * i - i * i + 2 * j,
-        4 if i < nu && j < nv => i * nv + j,
-        _ => return None,
-    };
-    Some(number as usize)
 }
 
 /// How many elements surfaces with these cuts, and points, come to.
@@ -253,33 +222,6 @@ mod tests {
         let position = DVec3::new(1.0, 2.0, 3.0);
         scene.points = vec![ScenePoint { position, normal, area: 0.7, material: 0 }; 3];
         scene
-    }
-
-    #[test]
-    fn pieces_fill_their_surface_and_look_the_same_way() {
-        let trapezium =
-            [DVec3::ZERO, DVec3::X * 3.0, DVec3::new(2.0, 1.0, 1.0), DVec3::new(1.0, 1.0, 1.0)];
-        let triangle = [DVec3::ONE, DVec3::X * 3.0, DVec3::Y];
-        for (corners, cuts, number) in [
-            (&trapezium[..], [4, 7], 28),
-            (&trapezium[..], [1, 1], 1),
-            (&triangle[..], [5, 1], 25),
-            (&triangle[..], [1, 9], 1),
-        ] {
-            let pieces = pieces(corners, cuts);
-            assert_eq!(pieces.len(), number);
-            let whole = vector_area(corners);
-            let sum: DVec3 = pieces.iter().map(|piece| vector_area(piece)).sum();
-            assert!(sum.distance(whole) < 1e-14);
-            assert!(pieces.iter().all(|piece| {
-                let area = vector_area(piece);
-                area.angle_between(whole) < 1e-7 && piece.len() == corners.len()
-            }));
-        }
-        let similar = pieces(&triangle, [4, 4]);
-        let area = vector_area(&triangle).length() / 16.0;
-        assert!(similar.iter().all(|piece| (vector_area(piece).length() - area).abs() < 1e-15));
-        assert!(pieces(&triangle[..2], [1, 1]).is_empty());
     }
 
     #[test]

@@ -6,7 +6,8 @@ use std::f64::consts::FRAC_1_PI;
 use farfield_radiosity::{Occluders, Patch};
 use glam::DVec3;
 
-use crate::cutting::mesh::{Cuts, Mesh, pieces};
+use crate::cutting::mesh::Mesh;
+use crate::cutting::pieces::{Cuts, pieces};
 use crate::pictures::tone::Rgb;
 use crate::scene::Scene;
 use crate::scene::material::Material;

@@ -87,7 +87,8 @@ mod tests {
         let corners = [DVec3::ZERO, DVec3::new(9.0, 1.0, 0.0), DVec3::new(3.0, -4.0, 7.0)];
         let mut scene = Scene::default();
         scene.add(&corners, 0, 0);
-        let nothing = Sight::new(&[]).expect("finite");
+        let (empty, no_mesh) = (Scene::default(), Mesh::default());
+        let nothing = Sight::new(&empty, &no_mesh).expect("finite");
         let view = View::new(&scene, &nothing);
         assert_eq!((view.backs, view.repair), (Backs::Transparent, None));
         let camera = Camera::at(&view.place);
@@ -100,7 +101,7 @@ mod tests {
                 assert!(ray.dot(axis).abs() < axis.length_squared());
             }
         }
-        assert!(View::new(&Scene::default(), &nothing).place.eye.is_finite());
+        assert!(View::new(&empty, &nothing).place.eye.is_finite());
     }
 
     #[test]
@@ -108,7 +109,7 @@ mod tests {
         for name in GENERATORS {
             let scene = generate(name).expect("listed");
             let mesh = Mesh::new(&scene, 1_000).expect("valid");
-            let sight = Sight::new(&mesh.elements).expect("finite");
+            let sight = Sight::new(&scene, &mesh).expect("finite");
             let place = scene.camera.expect("generated");
             let expected = View { place, backs: Backs::Opaque, repair: None };
             assert_eq!(View::new(&scene, &sight), expected, "{name}");
@@ -119,7 +120,7 @@ mod tests {
     fn a_camera_in_a_wall_or_behind_it_is_replaced() {
         let generated = generate("cornell").expect("listed");
         let mesh = Mesh::new(&generated, 1_000).expect("valid");
-        let sight = Sight::new(&mesh.elements).expect("finite");
+        let sight = Sight::new(&generated, &mesh).expect("finite");
         let own = generated.camera.expect("published");
         let centre = DVec3::new(278.0, 273.0, 280.0);
         let in_block = DVec3::new(186.0, 80.0, 168.0);
