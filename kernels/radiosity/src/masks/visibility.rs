@@ -10,8 +10,7 @@ use crate::expansion::Irradiance;
 use crate::masks::asked::Asked;
 use crate::masks::counts::{Counters, PairCounts};
 use crate::masks::facing::facing;
-use crate::masks::sampling::{RAYS, Sampling, Seen, order};
-use crate::numbers::mixed;
+use crate::masks::sampling::{RAYS, Sampling, Seen, even, order};
 use crate::occlusion::{Occluders, Shaft, SomePairs, position};
 
 /// The mask V(x, y): a pair counts if the two surfels [face each other](Projections::facing) and no
@@ -110,13 +109,6 @@ impl<'a> Visibility<'a> {
 /// The errors of samples add up at random: what a group may contribute grows as the square of the
 /// tolerance. Measured, with the lamp of a Cornell box among much darker surfels.
 const SAMPLED_ERROR: f64 = 2.0;
-
-/// One of the two even numbers next to an odd one, by the toss of a coin that `key` decides: always the
-/// lower would lose light.
-fn even(count: usize, key: u64) -> usize {
-    let odd = count % 2;
-    if mixed(key) >> 63 == 0 { count - odd } else { count + odd }
-}
 
 impl<T: Real, C: Numbers<Real = T>> Mask<Irradiance<T, C>> for Visibility<'_> {
     fn cells(
@@ -242,6 +234,25 @@ mod tests {
         [[a, b, c], [a, c, d]].map(|vertices| Triangle { vertices, face })
     }
 
+    /// What a mask says of two small squares far apart, from both ends alike, with a screen that hides a
+    /// quarter of the view between them; its counts, and its uncertainty.
+    fn sampled(scale: f64, tolerance: f64, brightness: Vec<f64>) -> (Coverage, PairCounts, f64) {
+        let grown =
+            |s: Surfel| Surfel { position: s.position * scale, area: s.area * scale * scale, ..s };
+        let squares: [Vec<Surfel>; 2] = [square(0.0, 0.2, true, 0), square(3.0, 0.2, false, 1)]
+            .map(|square| square.into_iter().map(grown).collect());
+        let moved = |v: DVec3| (v + DVec3::X * 0.05) * scale;
+        let screen = screen(1.5, 0.1, 2).map(|t| Triangle { vertices: t.vertices.map(moved), ..t });
+        let occluders = Occluders::new(&screen).unwrap();
+        let root = Cube::new(DVec3::ZERO, 4.0 * scale);
+        let cells = [4, 7].map(|z| Cell::new(&root, 3, [4, 4, z]));
+        let view = |k: usize| CellView { cell: &cells[k], points: &squares[k][..] };
+        let mask = Visibility::new(&occluders).fractional(tolerance, brightness).unwrap();
+        let verdict = Mask::<Kernel>::cells(&mask, view(0), view(1));
+        assert_eq!(verdict, Mask::<Kernel>::cells(&mask, view(1), view(0)));
+        (verdict, mask.counts(), mask.uncertainty(scale * scale))
+    }
+
     fn verdict(mask: &Visibility<'_>, t: &[Surfel], s: &[Surfel]) -> Coverage {
         let cell = Cell::new(&Cube::new(DVec3::ZERO, 4.0), 0, [0; 3]);
         let view = |points| CellView { cell: &cell, points };
@@ -299,28 +310,7 @@ mod tests {
 
     #[test]
     fn groups_that_exchange_little_are_sampled_from_both_ends_alike() {
-        let root = Cube::new(DVec3::ZERO, 4.0);
-        let floor = square(0.0, 0.2, true, 0);
-        let far = DVec3::new(0.0, 0.0, 3.0);
-        let ceiling: Vec<Surfel> = square(0.0, 0.2, false, 1)
-            .into_iter()
-            .map(|s| Surfel { position: s.position + far, ..s })
-            .collect();
-        // A quarter of the view is blocked.
-        let screen = screen(1.5, 0.1, 2)
-            .map(|t| Triangle { vertices: t.vertices.map(|v| v + DVec3::X * 0.05), ..t });
-        let occluders = Occluders::new(&screen).unwrap();
-        let cells = [Cell::new(&root, 3, [4, 4, 4]), Cell::new(&root, 3, [4, 4, 7])];
-        let views = [&floor, &ceiling].map(|points| &points[..]);
-        let view = |k: usize| CellView { cell: &cells[k], points: views[k] };
-        let sampled = |tolerance, brightness| {
-            let mask = Visibility::new(&occluders).fractional(tolerance, brightness).unwrap();
-            let verdicts =
-                [(0, 1), (1, 0)].map(|(t, s)| Mask::<Kernel>::cells(&mask, view(t), view(s)));
-            assert_eq!(verdicts[0], verdicts[1]);
-            (verdicts[0], mask.counts(), mask.uncertainty(1.0))
-        };
-        let (verdict, counts, uncertainty) = sampled(0.1, vec![]);
+        let (verdict, counts, uncertainty) = sampled(1.0, 0.1, vec![]);
         let Coverage::Eighths(visible) = verdict else { panic!("{verdict:?}") };
         assert!((5..=7).contains(&visible), "{visible} eighths of about three quarters");
         assert_eq!((counts.sampled, counts.rays), (512, 32));
@@ -328,47 +318,18 @@ mod tests {
         // area of 0.04 each.
         assert!((1e-4..3e-4).contains(&uncertainty), "{uncertainty}");
         // What is weak on its own isn't if one of the two is a lamp.
-        for strong in [sampled(0.003, vec![]), sampled(0.1, vec![1.0, 100.0])] {
+        for strong in [sampled(1.0, 0.003, vec![]), sampled(1.0, 0.1, vec![1.0, 100.0])] {
             assert_eq!((strong.0, strong.1.rays, strong.2), (Coverage::Partial, 0, 0.0));
         }
         let error = Error::InvalidTolerance { found: 1.0 };
-        let refused = Visibility::new(&occluders).fractional(1.0, vec![]);
+        let nothing = Occluders::new(&[]).unwrap();
+        let refused = Visibility::new(&nothing).fractional(1.0, vec![]);
         assert_eq!(refused.map(|_| ()), Err(error));
     }
 
     #[test]
-    fn shares_are_rounded_to_eighths_without_a_bias() {
-        for count in 0..=RAYS {
-            let sum: usize = (0..1000).map(|key| even(count, key)).sum();
-            assert!((0..1000).all(|key| matches!(even(count, key), 0..=RAYS)));
-            assert!((0..1000).all(|key| even(count, key).is_multiple_of(2)));
-            assert!((sum as f64 / 1000.0 - count as f64).abs() < 0.1, "{count}: {sum}");
-        }
-    }
-
-    #[test]
     fn the_uncertainty_is_that_of_the_scene_at_any_scale() {
-        let uncertainty = |scale: f64| {
-            let grown = |s: Surfel| Surfel {
-                position: s.position * scale,
-                area: s.area * scale * scale,
-                ..s
-            };
-            let floor: Vec<_> = square(0.0, 0.2, true, 0).into_iter().map(grown).collect();
-            let ceiling: Vec<_> = square(3.0, 0.2, false, 1).into_iter().map(grown).collect();
-            let screen = screen(1.5, 0.1, 2).map(|t| Triangle {
-                vertices: t.vertices.map(|v| (v + DVec3::X * 0.05) * scale),
-                ..t
-            });
-            let occluders = Occluders::new(&screen).unwrap();
-            let root = Cube::new(DVec3::ZERO, 4.0 * scale);
-            let cells = [Cell::new(&root, 3, [4, 4, 4]), Cell::new(&root, 3, [4, 4, 7])];
-            let mask = Visibility::new(&occluders).fractional(0.1, vec![]).unwrap();
-            let [from, to] = [&floor, &ceiling].map(|points| &points[..]);
-            let from = CellView { cell: &cells[0], points: from };
-            Mask::<Kernel>::cells(&mask, from, CellView { cell: &cells[1], points: to });
-            mask.uncertainty(scale * scale)
-        };
+        let uncertainty = |scale: f64| sampled(scale, 0.1, vec![]).2;
         let unit = uncertainty(1.0);
         assert!(unit > 1e-5);
         for scale in [0.5f64.powi(30), 2f64.powi(40)] {

@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use crate::elements::Triangle;
 use crate::error::Error;
-use crate::occlusion::bounds::Bounds;
+use crate::occlusion::bounds::{Bounds, Slabs};
 use crate::occlusion::boxes::{Boxes, SmallNode};
 use crate::occlusion::facet::{Facet, ordered};
 use crate::occlusion::node::{MAX_DEPTH, Node, bounds_of, build};
@@ -202,36 +202,6 @@ fn margin_of(bounds: &Bounds<f64>) -> f64 {
         0.0
     } else {
         (1e-9 * bounds.diagonal()).max(16.0 * f64::EPSILON * bounds.farthest())
-    }
-}
-
-/// A line origin + t·direction, t ≥ 0, ready for tests against boxes.
-struct Slabs {
-    origin: [f64; 3],
-    inverse: [f64; 3],
-}
-
-impl Slabs {
-    fn new(origin: DVec3, direction: DVec3) -> Self {
-        Self { origin: origin.to_array(), inverse: direction.to_array().map(f64::recip) }
-    }
-
-    /// Whether the piece t ∈ [0, end] meets a box.
-    ///
-    /// Along an axis that the line is parallel to, both parameters are infinite; 0·∞ arises only on
-    /// the border of a box, which the margin keeps away from anything that counts.
-    #[inline(always)]
-    fn meets(&self, bounds: &Bounds<f64>, end: f64) -> bool {
-        let (mut enter, mut leave) = (0.0, end);
-        for k in 0..3 {
-            let low = (bounds.low[k] - self.origin[k]) * self.inverse[k];
-            let high = (bounds.high[k] - self.origin[k]) * self.inverse[k];
-            // Comparisons, not f64::min and max: those also sort out NaN and cost twice the time.
-            let (near, far) = if low < high { (low, high) } else { (high, low) };
-            enter = if near > enter { near } else { enter };
-            leave = if far < leave { far } else { leave };
-        }
-        enter <= leave
     }
 }
 
