@@ -30,7 +30,7 @@ pub struct FormulaKernel<F, P, Q, U = Q, S = Values> {
     skip_coincident: bool,
     /// How many right-hand sides, where the type of the charges doesn't say it.
     columns: Option<usize>,
-    types: PhantomData<fn(P, Q) -> (U, S)>,
+    types: PhantomData<fn(P, Q, S) -> U>,
 }
 
 /// The kernel made by [`FormulaKernel::gradient`].
