@@ -23,7 +23,7 @@ pub fn from_formula<F: Formula, P, Q>(formula: F) -> FormulaKernel<F, P, Q> {
     FormulaKernel { formula, skip_coincident: false, columns: None, types: PhantomData }
 }
 
-/// The kernel made by [`from_formula`]: points of type `P`, charges `Q`, values `U` or [more](Summed).
+/// The kernel made by [`from_formula`]: points of type `P`, charges `Q`, values `U`, with gradients if `S` says so.
 #[derive(Clone, Copy)]
 pub struct FormulaKernel<F, P, Q, U = Q, S = Values> {
     formula: F,
