@@ -142,11 +142,9 @@ impl<T: Real, C: Numbers<Real = T>> Expansion for SixteenMoment<T, C> {
     }
 
     fn costs(&self, _level: usize) -> Costs {
-        let (terms, columns) = (self.harmonic.len(), 16 * C::LEN);
-        Costs {
-            leaf_seconds: Some(self.harmonic.leaf_seconds(columns)),
-            ..Costs::new(terms, terms)
-        }
+        let terms = self.harmonic.len();
+        let leaf_seconds = Some(self.harmonic.leaf_seconds(16 * C::LEN));
+        Costs { leaf_seconds, ..Costs::new(terms, terms) }
     }
 
     fn p2m(&self, cell: &Cell<T>, sources: &[Surfel<T>], charges: &[C], multipole: &mut [[C; 16]]) {
