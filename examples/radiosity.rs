@@ -16,10 +16,10 @@ use std::time::Instant;
 
 use farfield::{Fmm, direct_masked, relative_l2_error};
 use farfield_radiosity::{
-    Corrections, Enclosure, Irradiance, Occluders, RadiosityOperator, Stop, Surfel, Visibility,
+    Corrections, Enclosure, Irradiance, RadiosityOperator, Stop, Surfel, Visibility,
     conjugate_gradients,
 };
-use farfield_scenes::{Fields, Mesh, Optics, Output, Picture, Quantity, load};
+use farfield_scenes::{Fields, Mesh, Optics, Output, Picture, Quantity, Sight, load};
 
 const HELP: &str = "\
 Light in the Cornell box: solved, checked against direct summation, and pictured.
@@ -63,15 +63,16 @@ fn run((elements, folder): (usize, PathBuf)) -> Result<String, Box<dyn Error>> {
     let optics = Optics::<3>::new(&scene, &mesh, Quantity::Light, scene.bands(), 0);
 
     // The sum for all elements at once: a kernel, and a mask that leaves out pairs that are hidden.
-    let walls = Occluders::new(&mesh.triangles)?;
-    let visibility = Visibility::new(&walls);
+    let sight = Sight::new(&scene, &mesh)?;
+    let walls = sight.occluders();
+    let visibility = Visibility::new(walls);
     let kernel = Irradiance::<f64, Bands>::clamped();
     let builder = Fmm::builder(kernel).tolerance(TOLERANCE).mask(&visibility).leaf_size(128);
     let fmm = builder.build(&surfels, &surfels)?;
 
     // Near elements are no points to each other: corrections replace their pairs by exact form factors.
     // Closing scales rows so that no element receives more light than there is.
-    let corrections = Corrections::new(&mesh.elements, &walls, TOLERANCE)?;
+    let corrections = Corrections::new(&mesh.elements, walls, TOLERANCE)?;
     let mut operator = RadiosityOperator::new(&mesh.elements, |b| fmm.apply(b), corrections)?;
     let row_sums = operator.row_sums()?;
     operator.close(Enclosure::Open, 0.5)?;
@@ -90,7 +91,7 @@ fn run((elements, folder): (usize, PathBuf)) -> Result<String, Box<dyn Error>> {
     let spread = |k: usize| ((k as f64 * 0.618_034).fract() * surfels.len() as f64) as usize;
     let sample: Vec<usize> = (0..1000).map(spread).collect();
     let targets: Vec<Surfel> = sample.iter().map(|&i| surfels[i]).collect();
-    let far = direct_masked(&kernel, &Visibility::new(&walls), &surfels, &scaled, &targets)?;
+    let far = direct_masked(&kernel, &Visibility::new(walls), &surfels, &scaled, &targets)?;
     let mut near = vec![[0.0; 3]; surfels.len()];
     operator.corrections().add(&scaled, &mut near);
     let sum = |(&i, far): (&usize, &Bands)| {
@@ -116,7 +117,7 @@ fn run((elements, folder): (usize, PathBuf)) -> Result<String, Box<dyn Error>> {
         irradiance: solution.irradiance.into_flattened(),
         row_sums,
     };
-    let picture = Picture::of_light(&scene, &mesh, &fields, &walls, Some(&indirect), |_| ())?;
+    let picture = Picture::of_light(&sight, &fields, walls, Some(&indirect), |_| ())?;
 
     let report = serde_json::json!({
         "scene": "cornell", "elements": surfels.len(), "tolerance": TOLERANCE,

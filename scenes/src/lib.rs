@@ -33,8 +33,9 @@ mod pictures;
 mod output;
 
 pub use cutting::fields::Fields;
-pub use cutting::mesh::{Cuts, Mesh, even_cuts};
+pub use cutting::mesh::{Mesh, even_cuts};
 pub use cutting::optics::Optics;
+pub use cutting::pieces::Cuts;
 pub use cutting::refine::Refinement;
 pub use formats::load::load;
 pub use generators::{GENERATORS, generate};
@@ -42,6 +43,7 @@ pub use output::files::{Output, OutputError};
 pub use output::table::Table;
 pub use pictures::lamps::direct_light_by_pixel;
 pub use pictures::picture::Picture;
+pub use pictures::sight::Sight;
 pub use pictures::tone::Rgb;
 pub use scene::error::SceneError;
 pub use scene::material::Material;

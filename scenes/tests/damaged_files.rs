@@ -79,8 +79,8 @@ fn damaged_scenes_are_read_or_refused() {
             fs::write(&path, bytes).expect("written");
             match load(&name) {
                 Ok(scene) => {
-                    let corners = scene.surfaces.iter().flat_map(|surface| &surface.corners);
-                    let positions = scene.points.iter().map(|point| &point.position);
+                    let corners = scene.surfaces.iter().flat_map(|s| scene.corners(s));
+                    let positions = scene.points.iter().map(|point| point.position);
                     assert!(corners.chain(positions).all(|p| p.is_finite()));
                     accepted += 1;
                 }

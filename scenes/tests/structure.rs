@@ -67,6 +67,18 @@ fn no_file_knows_how_light_is_exchanged() {
     }
 }
 
+#[test]
+fn one_place_builds_the_tree_of_occluders() {
+    // Tests may build any number of them.
+    let builds = |text: &str| text.split("#[cfg(test)]").next()?.find("Occluders::new(");
+    let builders: Vec<_> = files()
+        .into_iter()
+        .filter(|(_, text)| builds(text).is_some())
+        .map(|(file, _)| file)
+        .collect();
+    assert_eq!(builders, ["pictures::sight"]);
+}
+
 /// For each file, as `folder::file`, the other files that it imports from.
 fn imports() -> BTreeMap<String, BTreeSet<String>> {
     let files = files();

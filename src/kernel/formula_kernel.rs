@@ -7,7 +7,7 @@ use crate::error::Error;
 use crate::kernel::derivatives::{Derivatives, WithHessian};
 use crate::kernel::formula::{Formula, FormulaEntry};
 use crate::kernel::side_by_side::{FormulaBlock, Pack, entries_side_by_side, slopes};
-use crate::kernel::traits::{Kernel, Outcome, check_densities, columns_of_a_charge};
+use crate::kernel::traits::{Kernel, Outcome, add_fields, check_densities, columns_of_a_charge};
 use crate::kernel::with_gradient::WithGradient;
 use crate::numbers::traits::{Located, Numbers, Point, Scalar};
 
@@ -23,20 +23,55 @@ pub fn from_formula<F: Formula, P, Q>(formula: F) -> FormulaKernel<F, P, Q> {
     FormulaKernel { formula, skip_coincident: false, columns: None, types: PhantomData }
 }
 
-/// The kernel made by [`from_formula`]: points of type `P`, charges `Q`, values `U`.
+/// The kernel made by [`from_formula`]: points of type `P`, charges `Q`, values `U`, with gradients if `S` says so.
 #[derive(Clone, Copy)]
-pub struct FormulaKernel<F, P, Q, U = Q> {
+pub struct FormulaKernel<F, P, Q, U = Q, S = Values> {
     formula: F,
     skip_coincident: bool,
     /// How many right-hand sides, where the type of the charges doesn't say it.
     columns: Option<usize>,
-    types: PhantomData<fn(P, Q) -> U>,
+    types: PhantomData<fn(P, Q, S) -> U>,
 }
 
 /// The kernel made by [`FormulaKernel::gradient`].
-#[derive(Clone, Copy)]
-pub struct FormulaGradient<F, P, Q, U = Q> {
-    kernel: FormulaKernel<F, P, Q, U>,
+pub type FormulaGradient<F, P, Q, U = Q> = FormulaKernel<F, P, Q, U, Gradients>;
+
+/// What a formula's kernel sums: [`Values`] of type `U`, or [`Gradients`] as well.
+pub trait Summed<U: Numbers>: Send + Sync {
+    /// What a target receives.
+    type Value: Numbers<Real = U::Real>;
+    /// Whether that needs derivatives.
+    const GRADIENTS: bool;
+    /// Adds what a target receives, as [`Kernel::value`] does.
+    fn add<S: Scalar<Real = U::Real>>(u: &mut Self::Value, fields: &[S], gradients: &[[S; 3]]);
+}
+
+/// Values alone are summed.
+#[derive(Clone, Copy, Debug)]
+pub struct Values;
+
+/// Values and their gradients are summed.
+#[derive(Clone, Copy, Debug)]
+pub struct Gradients;
+
+impl<U: Numbers> Summed<U> for Values {
+    type Value = U;
+    const GRADIENTS: bool = false;
+
+    #[inline(always)]
+    fn add<S: Scalar<Real = U::Real>>(u: &mut U, fields: &[S], _gradients: &[[S; 3]]) {
+        add_fields(u, fields);
+    }
+}
+
+impl<U: Numbers> Summed<U> for Gradients {
+    type Value = WithGradient<U>;
+    const GRADIENTS: bool = true;
+
+    #[inline(always)]
+    fn add<S: Scalar<Real = U::Real>>(u: &mut WithGradient<U>, fields: &[S], gradients: &[[S; 3]]) {
+        u.add(fields, gradients);
+    }
 }
 
 impl<F, P, Q, U> FormulaKernel<F, P, Q, U> {
@@ -64,7 +99,8 @@ impl<F, P, Q, U> FormulaKernel<F, P, Q, U> {
     /// [skipped](Self::skip_coincident): |d| has none at d = 0, |d|² has. So has every part of the formula to
     /// have derivatives, even one of y alone: √(y₁) gives NaN at y₁ = 0.
     pub fn gradient(self) -> FormulaGradient<F, P, Q, U> {
-        FormulaGradient { kernel: self }
+        let Self { formula, skip_coincident, columns, .. } = self;
+        FormulaKernel { formula, skip_coincident, columns, types: PhantomData }
     }
 
     /// The same kernel with the gradient and the second derivatives of its sum as part of the
@@ -76,7 +112,7 @@ impl<F, P, Q, U> FormulaKernel<F, P, Q, U> {
     }
 }
 
-impl<F, P, Q, U> fmt::Debug for FormulaKernel<F, P, Q, U> {
+impl<F, P, Q, U, S> fmt::Debug for FormulaKernel<F, P, Q, U, S> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("FormulaKernel")
             .field("skip_coincident", &self.skip_coincident)
@@ -84,27 +120,22 @@ impl<F, P, Q, U> fmt::Debug for FormulaKernel<F, P, Q, U> {
     }
 }
 
-impl<F, P, Q, U> fmt::Debug for FormulaGradient<F, P, Q, U> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("FormulaGradient").field("kernel", &self.kernel).finish()
-    }
-}
-
 /// The number type of a formula's entries in the precision `T`.
 type EntryOf<F, T> = <<F as Formula>::Entry<Pack<T>> as FormulaEntry<Pack<T>>>::Scalar;
 
-impl<F, P, Q, U> Kernel for FormulaKernel<F, P, Q, U>
+impl<F, P, Q, U, S> Kernel for FormulaKernel<F, P, Q, U, S>
 where
     F: Formula,
     P: Located,
     Q: Numbers<Real = P::Real>,
     U: Numbers<Real = P::Real>,
+    S: Summed<U>,
 {
     type Real = P::Real;
     type Source = P;
     type Target = P;
     type Charge = Q;
-    type Value = U;
+    type Value = S::Value;
     type Entry = EntryOf<F, P::Real>;
 
     fn entries(&self, x: Point<P::Real>, y: Point<P::Real>, g: &mut [Self::Entry]) {
@@ -136,70 +167,24 @@ where
         }
     }
 
-    fn has_parameters(&self) -> bool {
-        size_of::<F>() > 0
-    }
-
-    fn entries_block(&self, xs: &[Point<P::Real>], ys: &[Point<P::Real>], g: &mut [Self::Entry]) {
-        entries_side_by_side(&self.formula, xs, ys, g);
-    }
-
-    fn add_block(&self, xs: &[P], ys: &[P], qs: &[Q], _tolerance: f64, us: &mut [U]) {
-        let (formula, skip_coincident) = (&self.formula, self.skip_coincident);
-        FormulaBlock { kernel: self, formula, skip_coincident, xs, ys, qs, us }.add();
-    }
-}
-
-impl<F, P, Q, U> Kernel for FormulaGradient<F, P, Q, U>
-where
-    F: Formula,
-    P: Located,
-    Q: Numbers<Real = P::Real>,
-    U: Numbers<Real = P::Real>,
-{
-    type Real = P::Real;
-    type Source = P;
-    type Target = P;
-    type Charge = Q;
-    type Value = WithGradient<U>;
-    type Entry = EntryOf<F, P::Real>;
-
-    fn entries(&self, x: Point<P::Real>, y: Point<P::Real>, g: &mut [Self::Entry]) {
-        self.kernel.entries(x, y, g);
-    }
-
     #[inline(always)]
-    fn fields(&self) -> usize {
-        self.kernel.fields()
-    }
-
-    #[inline(always)]
-    fn densities(&self) -> usize {
-        self.kernel.densities()
-    }
-
-    #[inline(always)]
-    fn columns(&self) -> usize {
-        self.kernel.columns()
-    }
-
-    fn check_sizes(&self) -> Result<(), Error> {
-        self.kernel.check_sizes()
-    }
-
     fn value(
         &self,
         _x: &P,
         fields: &[Self::Entry],
         gradients: &[[Self::Entry; 3]],
-        u: &mut WithGradient<U>,
+        u: &mut S::Value,
     ) {
-        u.add(fields, gradients);
+        S::add(u, fields, gradients);
     }
 
     #[inline(always)]
     fn needs_gradients(&self) -> bool {
-        true
+        S::GRADIENTS
+    }
+
+    fn has_parameters(&self) -> bool {
+        size_of::<F>() > 0
     }
 
     fn entry_gradients(
@@ -208,21 +193,16 @@ where
         y: Point<P::Real>,
         g: &mut [[Self::Entry; 3]],
     ) -> Outcome {
-        slopes(&self.kernel.formula, x, y, g);
+        slopes(&self.formula, x, y, g);
         Outcome::Done
     }
 
-    fn has_parameters(&self) -> bool {
-        size_of::<F>() > 0
-    }
-
     fn entries_block(&self, xs: &[Point<P::Real>], ys: &[Point<P::Real>], g: &mut [Self::Entry]) {
-        self.kernel.entries_block(xs, ys, g);
+        entries_side_by_side(&self.formula, xs, ys, g);
     }
 
-    fn add_block(&self, xs: &[P], ys: &[P], qs: &[Q], _tolerance: f64, us: &mut [WithGradient<U>]) {
-        let FormulaKernel { formula, skip_coincident, .. } = &self.kernel;
-        let skip_coincident = *skip_coincident;
+    fn add_block(&self, xs: &[P], ys: &[P], qs: &[Q], _tolerance: f64, us: &mut [S::Value]) {
+        let (formula, skip_coincident) = (&self.formula, self.skip_coincident);
         FormulaBlock { kernel: self, formula, skip_coincident, xs, ys, qs, us }.add();
     }
 }

@@ -104,13 +104,7 @@ pub trait Kernel: Send + Sync {
         _gradients: &[[Self::Entry; 3]],
         u: &mut Self::Value,
     ) {
-        if Self::Value::LEN > 0 && Self::Value::LEN != Self::Entry::PARTS * fields.len() {
-            (0..Self::Value::LEN).for_each(|i| u.set_number(i, <Self::Real as Float>::nan()));
-            return;
-        }
-        for (k, &field) in fields.iter().enumerate() {
-            u.set_column(k, u.column::<Self::Entry>(k) + field);
-        }
+        add_fields(u, fields);
     }
 
     /// Whether [`value`](Self::value) needs the fields' derivatives with respect to x.
@@ -206,6 +200,18 @@ pub enum Outcome {
     Declined,
 }
 
+/// Adds the fields' own numbers to a value. One of another length becomes NaN.
+#[inline(always)]
+pub(crate) fn add_fields<U: Numbers, S: Scalar<Real = U::Real>>(u: &mut U, fields: &[S]) {
+    if U::LEN > 0 && U::LEN != S::PARTS * fields.len() {
+        (0..U::LEN).for_each(|i| u.set_number(i, <U::Real as Float>::nan()));
+        return;
+    }
+    for (k, &field) in fields.iter().enumerate() {
+        u.set_column(k, u.column::<S>(k) + field);
+    }
+}
+
 /// How many columns a charge of fixed length holds; 0 if there is a remainder, or no fixed length.
 #[inline(always)]
 pub(crate) fn columns_of_a_charge<K: Kernel + ?Sized>(kernel: &K) -> usize {
@@ -260,11 +266,13 @@ pub(crate) fn add_by_entries<K: Kernel + ?Sized>(
         kernel.entries_block(&[position], &positions, &mut g);
         let pairs = g.chunks_exact(fields * densities).zip(sent.chunks_exact(densities * columns));
         for ((g, d), &y) in pairs.zip(&positions) {
-            for (k, &entry) in g.iter().enumerate() {
+            // For each column, the field that entry k adds to and the density that it takes.
+            let columns_of = |k: usize| {
                 let (field, density) = (k / densities * columns, k % densities * columns);
-                for column in 0..columns {
-                    received[field + column] += entry * d[density + column];
-                }
+                (0..columns).map(move |column| (field + column, d[density + column]))
+            };
+            for (k, &entry) in g.iter().enumerate() {
+                columns_of(k).for_each(|(field, d)| received[field] += entry * d);
             }
             if slopes {
                 if kernel.entry_gradients(position, y, &mut dg) == Outcome::Declined {
@@ -272,11 +280,8 @@ pub(crate) fn add_by_entries<K: Kernel + ?Sized>(
                     dg.fill([K::Entry::from_real(<K::Real as Float>::nan()); 3]);
                 }
                 for (k, slope) in dg.iter().enumerate() {
-                    let (field, density) = (k / densities * columns, k % densities * columns);
-                    for column in 0..columns {
-                        for (sum, &part) in gradients[field + column].iter_mut().zip(slope) {
-                            *sum += part * d[density + column];
-                        }
+                    for (field, d) in columns_of(k) {
+                        gradients[field].iter_mut().zip(slope).for_each(|(g, &s)| *g += s * d);
                     }
                 }
             }

@@ -28,6 +28,11 @@ impl Random {
         low + (high - low) * self.unit()
     }
 
+    /// The next index below a count.
+    pub fn below(&mut self, count: usize) -> usize {
+        (self.unit() * count as f64) as usize
+    }
+
     /// A point, uniform in the unit cube.
     pub fn in_cube(&mut self) -> DVec3 {
         DVec3::new(self.unit(), self.unit(), self.unit())

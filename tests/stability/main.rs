@@ -9,6 +9,7 @@
 
 mod bit_patterns;
 mod cancellation;
+mod coincident;
 mod expansions;
 mod geometry;
 mod interpolation;
@@ -24,6 +25,10 @@ use glam::DVec3;
 /// A kernel given by its formula. A function pointer, so that all of them are compiled once.
 type Formula = fn(DVec3, DVec3) -> f64;
 type Plain = FnKernel<Formula, DVec3, f64>;
+
+fn inverse(x: DVec3, y: DVec3) -> f64 {
+    1.0 / x.distance(y)
+}
 
 fn plain(formula: Formula) -> Plain {
     from_fn(formula).skip_coincident()

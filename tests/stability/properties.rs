@@ -183,7 +183,7 @@ fn shuffled(n: usize, seed: u64) -> Vec<usize> {
     let mut random = Random::new(seed);
     let mut order: Vec<usize> = (0..n).collect();
     for i in (1..n).rev() {
-        order.swap(i, (random.unit() * (i + 1) as f64) as usize);
+        order.swap(i, random.below(i + 1));
     }
     order
 }

@@ -9,6 +9,7 @@ mod extension;
 mod formulas;
 mod kernels;
 mod lists;
+mod masks;
 mod moments;
 mod radiosity;
 mod sizes;

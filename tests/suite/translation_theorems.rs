@@ -85,13 +85,8 @@ fn double_tail(lambda: f64, p: usize, a: f64, b: f64) -> f64 {
     let mut sum = 0.0;
     let mut first = 1.0;
     for big_n in 0..300 {
-        let mut term = first;
-        for n in 0..300 {
-            if big_n > p || n > p {
-                sum += term;
-            }
-            term *= (2.0 * lambda + (big_n + n) as f64) / (n + 1) as f64 * b;
-        }
+        let beyond = (big_n <= p).then_some(p);
+        sum += first * tail(lambda + 0.5 * big_n as f64, beyond, b, |_| 1.0);
         first *= (2.0 * lambda + big_n as f64) / (big_n + 1) as f64 * a;
     }
     sum

@@ -94,31 +94,21 @@ fn spread(n: usize, count: usize) -> Vec<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use farfield::direct_masked;
-    use farfield_radiosity::{Corrections, Occluders, RadiosityOperator, Surfel};
-    use farfield_scenes::Mesh;
-    use farfield_scenes::generate;
+    use crate::radiosity::fixture::exchanging;
 
     #[test]
     fn direct_sums_pass_and_wrong_ones_show_their_error() {
-        let scene = generate("cornell").expect("a scene");
-        let mesh = Mesh::new(&scene, 400).expect("a mesh");
-        let occluders = Occluders::new(&mesh.triangles).expect("finite");
-        let visibility = Visibility::new(&occluders);
-        let surfels: Vec<Surfel> = mesh.elements.iter().map(|e| *e.surfel()).collect();
-        let kernel = Irradiance::<f64, [f64; 1]>::clamped();
-        let corrections = Corrections::new(&mesh.elements, &occluders, 1e-2).expect("finite");
-        let sum = |b: &[[f64; 1]]| direct_masked(&kernel, &visibility, &surfels, b, &surfels);
-        let operator = RadiosityOperator::new(&mesh.elements, sum, corrections).expect("one each");
-        let radiosity: Vec<[f64; 1]> = (0..surfels.len()).map(|i| [(i % 5) as f64]).collect();
-        let exact = operator.apply(&radiosity).expect("applied");
-        let exchange = Exchange { surfels: &surfels, operator: &operator, visibility: &visibility };
-        let check =
-            |gathered: &[[f64; 1]]| Check::new(&exchange, &visibility, &radiosity, gathered, 100);
-        assert_eq!(check(&exact).sampled, 100);
-        assert!(check(&exact).relative_l2_error < 1e-14);
-        let brighter: Vec<[f64; 1]> = exact.iter().map(|h| h.map(|band| 1.01 * band)).collect();
-        assert!((check(&brighter).relative_l2_error - 0.01).abs() < 1e-6);
+        exchanging("cornell", 400, None, |_, mesh, exchange| {
+            let radiosity: Vec<_> = (0..mesh.elements.len()).map(|i| [(i % 5) as f64]).collect();
+            let exact = exchange.operator.apply(&radiosity).expect("applied");
+            let check = |gathered: &[[f64; 1]]| {
+                Check::new(exchange, exchange.visibility, &radiosity, gathered, 100)
+            };
+            assert_eq!(check(&exact).sampled, 100);
+            assert!(check(&exact).relative_l2_error < 1e-14);
+            let brighter: Vec<_> = exact.iter().map(|h| h.map(|band| 1.01 * band)).collect();
+            assert!((check(&brighter).relative_l2_error - 0.01).abs() < 1e-6);
+        });
     }
 
     #[test]

@@ -84,38 +84,28 @@ fn row<const BANDS: usize>(exchange: &Exchange<'_, BANDS>, i: usize, cut: f64) -
 #[cfg(test)]
 mod tests {
     use super::*;
-    use farfield::direct_masked;
-    use farfield_radiosity::{Corrections, Occluders, RadiosityOperator, Surfel, Visibility};
-    use farfield_scenes::Mesh;
-    use farfield_scenes::generate;
+    use crate::radiosity::fixture::exchanging;
 
     #[test]
     fn whole_rows_are_written_until_it_is_ended() {
-        let scene = generate("furnace").expect("a scene");
-        let mesh = Mesh::new(&scene, 600).expect("a mesh");
-        let occluders = Occluders::new(&mesh.triangles).expect("finite");
-        let visibility = Visibility::new(&occluders);
-        let surfels: Vec<Surfel> = mesh.elements.iter().map(|e| *e.surfel()).collect();
-        let corrections = Corrections::new(&mesh.elements, &occluders, 1e-2).expect("finite");
-        let kernel = Irradiance::<f64, [f64; 1]>::clamped();
-        let sum = |b: &[[f64; 1]]| direct_masked(&kernel, &visibility, &surfels, b, &surfels);
-        let operator = RadiosityOperator::new(&mesh.elements, sum, corrections).expect("one each");
-        let exchange = Exchange { surfels: &surfels, operator: &operator, visibility: &visibility };
-        for (flow, expected) in
-            [(ControlFlow::Continue(()), surfels.len()), (ControlFlow::Break(()), ROWS)]
-        {
-            let mut table = Vec::new();
-            let rows = write(&mut table, &exchange, 1e-5, |_| flow).expect("written");
-            assert_eq!(rows, expected);
-            let table = String::from_utf8(table).expect("text");
-            let mut sums = vec![0.0; surfels.len()];
-            for line in table.lines().skip(1) {
-                let cells: Vec<_> = line.split(',').collect();
-                let factor: f64 = cells[2].parse().expect("a number");
-                sums[cells[0].parse::<usize>().expect("an index")] += factor;
+        exchanging::<1>("furnace", 600, None, |_, mesh, exchange| {
+            let count = mesh.elements.len();
+            for (flow, expected) in
+                [(ControlFlow::Continue(()), count), (ControlFlow::Break(()), ROWS)]
+            {
+                let mut table = Vec::new();
+                let rows = write(&mut table, exchange, 1e-5, |_| flow).expect("written");
+                assert_eq!(rows, expected);
+                let table = String::from_utf8(table).expect("text");
+                let mut sums = vec![0.0; count];
+                for line in table.lines().skip(1) {
+                    let cells: Vec<_> = line.split(',').collect();
+                    let factor: f64 = cells[2].parse().expect("a number");
+                    sums[cells[0].parse::<usize>().expect("an index")] += factor;
+                }
+                assert!(sums[..rows].iter().all(|sum| (sum - 1.0).abs() < 1e-4));
+                assert!(sums[rows..].iter().all(|&sum| sum == 0.0));
             }
-            assert!(sums[..rows].iter().all(|sum| (sum - 1.0).abs() < 1e-4));
-            assert!(sums[rows..].iter().all(|&sum| sum == 0.0));
-        }
+        });
     }
 }

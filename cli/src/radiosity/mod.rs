@@ -13,6 +13,8 @@ mod exr;
 mod factors;
 mod failure;
 mod figures;
+#[cfg(test)]
+mod fixture;
 mod gather;
 mod interrupt;
 mod npy;

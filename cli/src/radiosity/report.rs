@@ -159,7 +159,7 @@ impl fmt::Display for Report {
         line("closed by", format!("{:.1e} at most", self.closure_correction))?;
         line("reciprocal to", format!("{:.1e}", self.reciprocity_error))?;
         line("plan", format!("{:.2} s", self.plan_s))?;
-        line("solve", format!("{:.2} s, {} iterations", self.solve_s, self.iterations))?;
+        line("solve", format!("{:.2} s, iterations: {}", self.solve_s, self.iterations))?;
         if self.interrupted {
             line("interrupted", format!("at a residual of {:.1e}", self.residual))?;
         }

@@ -7,7 +7,7 @@ use farfield_radiosity::{
     Closure, Corrections, Enclosure, Occluders, RadiosityOperator, Surfel, Visibility,
 };
 use farfield_scenes::{
-    Cuts, Fields, Mesh, Optics, Output, OutputError, Picture, Refinement, Scene, Table,
+    Cuts, Fields, Mesh, Optics, Output, OutputError, Picture, Refinement, Scene, Sight, Table,
     direct_light_by_pixel, even_cuts,
 };
 
@@ -66,7 +66,7 @@ pub(crate) fn run<const BANDS: usize>(
         let refined = |fields: &Fields| {
             let field = &fields.irradiance;
             let most = args.element_count();
-            Refinement::new(scene, &mesh, &cuts, field, tolerance, most)
+            Refinement::new(scene, &mesh, field, tolerance, most)
         };
         match run.solve::<BANDS>(&mut output, last, &refined)? {
             Outcome::Done(report) => {
@@ -112,9 +112,10 @@ impl Run<'_> {
         let elements = &mesh.elements;
         let surfels: Vec<Surfel> = elements.iter().map(|element| *element.surfel()).collect();
         let area: f64 = surfels.iter().map(|surfel| surfel.area).sum();
-        let walls = Occluders::new(&mesh.triangles)?;
+        let sight = Sight::new(scene, mesh)?;
         let nothing = Occluders::new(&[])?;
-        let shadows = if args.visibility == VisibilityName::None { &nothing } else { &walls };
+        let shadows =
+            if args.visibility == VisibilityName::None { &nothing } else { sight.occluders() };
         let mut visibility = Visibility::new(shadows);
         if args.visibility == VisibilityName::Fractional {
             let optics = Optics::<1>::new(scene, mesh, args.quantity.into(), 1, 0);
@@ -227,11 +228,11 @@ impl Run<'_> {
                 let indirect = direct_light_by_pixel(scene).then(indirect).transpose()?;
                 let bar = progress.bar("rendering");
                 let (show, indirect) = (bar.shower(), indirect.as_deref());
-                Picture::of_light(scene, mesh, &fields, shadows, indirect, show)?
+                Picture::of_light(&sight, &fields, shadows, indirect, show)?
             }
             QuantityName::Heat => {
                 let bar = progress.bar("rendering");
-                Picture::of_heat(scene, mesh, &fields, bar.shower())?
+                Picture::of_heat(&sight, &fields, bar.shower())?
             }
         };
 

@@ -89,46 +89,36 @@ impl<const BANDS: usize> Exchange<'_, BANDS> {
 mod tests {
     use super::*;
 
-    use farfield::{direct_masked, relative_l2_error};
-    use farfield_radiosity::{Corrections, Enclosure, Occluders};
-    use farfield_scenes::generate;
-    use farfield_scenes::{Mesh, Quantity};
+    use crate::radiosity::fixture::exchanging;
+    use farfield::relative_l2_error;
+    use farfield_radiosity::Enclosure;
+    use farfield_scenes::Quantity;
 
     #[test]
     fn all_solvers_agree_and_leave_the_second_room_dark() {
-        let scene = generate("two-rooms").expect("a scene");
-        let mesh = Mesh::new(&scene, 600).expect("a mesh");
-        let occluders = Occluders::new(&mesh.triangles).expect("finite");
-        let visibility = Visibility::new(&occluders);
-        let surfels: Vec<Surfel> = mesh.elements.iter().map(|e| *e.surfel()).collect();
-        let corrections = Corrections::new(&mesh.elements, &occluders, 1e-2).expect("finite");
-        let kernel = Irradiance::<f64, [f64; 3]>::clamped();
-        let sum = |b: &[[f64; 3]]| direct_masked(&kernel, &visibility, &surfels, b, &surfels);
-        let mut operator =
-            RadiosityOperator::new(&mesh.elements, sum, corrections).expect("one each");
-        operator.close(Enclosure::Closed, 0.5).expect("closed");
-        let exchange = Exchange { surfels: &surfels, operator: &operator, visibility: &visibility };
-        let optics = Optics::<3>::new(&scene, &mesh, Quantity::Light, 3, 0);
-        let solved =
-            [SolverName::Cg, SolverName::Jacobi, SolverName::Bicgstab, SolverName::Southwell].map(
-                |solver| {
-                    let progress = Progress::new(true);
-                    let interrupt = Interrupt::default();
-                    let solved = exchange.solve(&optics, solver, 1e-4, &progress, &interrupt);
-                    solved.expect("converges")
-                },
-            );
-        let [cg, jacobi, _, southwell] = &solved;
-        assert!(cg.iterations < jacobi.iterations);
-        assert!(southwell.iterations > 10 * jacobi.iterations);
-        for other in &solved {
-            assert!(relative_l2_error(&other.radiosity, &jacobi.radiosity) < 1e-4);
-            for (b, surfel) in other.radiosity.iter().zip(&surfels) {
-                // The wall between the rooms is at x = 1, its back belongs to the second one.
-                let second =
-                    surfel.position.x > 1.0 || (surfel.position.x == 1.0 && surfel.normal.x > 0.0);
-                assert_eq!(*b == [0.0; 3], second, "at {}", surfel.position);
+        let closed = Some(Enclosure::Closed);
+        exchanging("two-rooms", 600, closed, |scene, mesh, exchange| {
+            let optics = Optics::<3>::new(scene, mesh, Quantity::Light, 3, 0);
+            let solved = |solver| {
+                let (progress, interrupt) = (Progress::new(true), Interrupt::default());
+                let solved = exchange.solve(&optics, solver, 1e-4, &progress, &interrupt);
+                solved.expect("converges")
+            };
+            let solved =
+                [SolverName::Cg, SolverName::Jacobi, SolverName::Bicgstab, SolverName::Southwell]
+                    .map(solved);
+            let [cg, jacobi, _, southwell] = &solved;
+            assert!(cg.iterations < jacobi.iterations);
+            assert!(southwell.iterations > 10 * jacobi.iterations);
+            for other in &solved {
+                assert!(relative_l2_error(&other.radiosity, &jacobi.radiosity) < 1e-4);
+                for (b, surfel) in other.radiosity.iter().zip(exchange.surfels) {
+                    // The wall between the rooms is at x = 1, its back belongs to the second one.
+                    let (x, back) = (surfel.position.x, surfel.normal.x > 0.0);
+                    let second = x > 1.0 || (x == 1.0 && back);
+                    assert_eq!(*b == [0.0; 3], second, "at {}", surfel.position);
+                }
             }
-        }
+        });
     }
 }

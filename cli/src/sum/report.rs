@@ -67,16 +67,12 @@ impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let what = if self.gradient { " and its gradient" } else { "" };
         writeln!(f, "{}{what}, {} points on {} targets", self.kernel, self.points, self.targets)?;
-        writeln!(
-            f,
-            "  {}, {}, {} of order {}, {} terms per cell, {} threads",
-            self.scheme,
-            self.precision,
-            self.expansion,
-            self.order,
-            self.terms_per_cell,
-            self.threads
-        )?;
+        write!(f, "  {}, {}, threads: {}", self.scheme, self.precision, self.threads)?;
+        if self.scheme != "direct" {
+            let (expansion, order, terms) = (&self.expansion, self.order, self.terms_per_cell);
+            write!(f, ", {expansion} of order {order}, terms per cell: {terms}")?;
+        }
+        writeln!(f)?;
         writeln!(
             f,
             "  {} cells, depth {}, at most {} points in a leaf",

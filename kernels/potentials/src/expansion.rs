@@ -1,9 +1,9 @@
 //! The harmonic expansion of the power laws, as the engine wants it.
 
-use farfield::{Cell, Costs, Error, Expansion, LevelPairs, Numbers, Outcome, Point, Real, Vector};
+use farfield::{Cell, Costs, Error, Expansion, LevelPairs, Numbers, Outcome, Point, Real};
 
 use crate::exponent::Exponent;
-use crate::harmonic::{Harmonic, MAX_ORDER, Scratch};
+use crate::harmonic::{Harmonic, Scratch};
 use crate::output::{Output, Potential};
 use crate::power_law::PowerLaw;
 
@@ -42,16 +42,9 @@ impl<E: Exponent, T: Real, C: Numbers<Real = T>, O: Output<T, C>> HarmonicExpans
     /// [`Error::InvalidTolerance`] unless 0 < `tolerance` < 1; [`Error::UnreachableTolerance`] if the
     /// precision or the [highest order](crate::harmonic::MAX_ORDER) doesn't suffice.
     pub fn with_tolerance(kernel: PowerLaw<E, T, C, O>, tolerance: f64) -> Result<Self, Error> {
-        if !(tolerance > 0.0 && tolerance < 1.0) {
-            return Err(Error::InvalidTolerance { found: tolerance });
-        }
         let rounding = ROUNDING * T::epsilon().as_f64();
-        let order = (0..=MAX_ORDER).find(|&p| Self::predicted_error(p).max(rounding) <= tolerance);
-        let Some(order) = order else {
-            let reachable = Self::predicted_error(MAX_ORDER).max(rounding);
-            return Err(Error::UnreachableTolerance { requested: tolerance, reachable });
-        };
-        Self::new(kernel, order)
+        let error = |order| Self::predicted_error(order).max(rounding);
+        Self::new(kernel, Harmonic::<T>::order_for(tolerance, 0, error)?)
     }
 
     /// An upper bound, fitted to measurements for λ = ½, 1 and 2, of the error between two cells with
@@ -156,7 +149,8 @@ impl<E: Exponent, T: Real, C: Numbers<Real = T>, O: Output<T, C>> Expansion
 
     fn m2m(&self, child: &Cell<T>, _parent: &Cell<T>, from: &[C], to: &mut [C]) {
         let mut scratch = Scratch::new(&self.harmonic);
-        self.harmonic.m2m(centre_in_parent::<T>(child), T::from_f64(0.5), from, to, &mut scratch);
+        let centre = Harmonic::centre_in_parent(child);
+        self.harmonic.m2m(centre, T::from_f64(0.5), from, to, &mut scratch);
     }
 
     fn m2l(&self, source: &Cell<T>, target: &Cell<T>, from: &[C], to: &mut [C]) {
@@ -170,7 +164,8 @@ impl<E: Exponent, T: Real, C: Numbers<Real = T>, O: Output<T, C>> Expansion
 
     fn l2l(&self, _parent: &Cell<T>, child: &Cell<T>, from: &[C], to: &mut [C]) {
         let mut scratch = Scratch::new(&self.harmonic);
-        self.harmonic.l2l(centre_in_parent::<T>(child), T::from_f64(0.5), from, to, &mut scratch);
+        let centre = Harmonic::centre_in_parent(child);
+        self.harmonic.l2l(centre, T::from_f64(0.5), from, to, &mut scratch);
     }
 
     fn l2p(&self, cell: &Cell<T>, local: &[C], targets: &[Point<T>], values: &mut [O::Value]) {
@@ -208,13 +203,6 @@ impl<E: Exponent, T: Real, C: Numbers<Real = T>, O: Output<T, C>> Expansion
 
 /// Rounding errors of a sum, in units of the machine epsilon.
 const ROUNDING: f64 = 64.0;
-/// The centre of `child` as seen from its parent, in the parent's half-widths.
-fn centre_in_parent<T: Real>(child: &Cell<T>) -> Point<T> {
-    let octant = child.octant();
-    Point::<T>::from_array(
-        [0, 1, 2].map(|axis| T::from_f64(if octant >> axis & 1 == 1 { 0.5 } else { -0.5 })),
-    )
-}
 
 #[cfg(test)]
 mod tests {
@@ -223,16 +211,12 @@ mod tests {
     use crate::power_law::InverseDistance;
     use farfield::conformance::{self, Samples};
     use farfield::{Cube, Fmm, Interpolation, Numbers, Scheme, direct, relative_l2_error};
+    use farfield_testing::clouds;
     use glam::{DVec3, Vec3};
 
-    /// Points in [−1, 1]³ from a linear congruence.
+    /// Points in [−1, 1]³.
     fn points(n: usize, seed: u64) -> Vec<DVec3> {
-        let mut state = seed;
-        let mut next = move || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
-            (state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-        };
-        (0..n).map(|_| DVec3::new(next(), next(), next())).collect()
+        clouds::cube(n, seed).into_iter().map(|p| 2.0 * p - 1.0).collect()
     }
 
     /// Error of the field of one cell in another, by M2L and by M2P.

@@ -122,6 +122,24 @@ impl<T: Real> Harmonic<T> {
         })
     }
 
+    /// The least order, from `least` on, whose `error` is at most `tolerance`.
+    ///
+    /// # Errors
+    /// [`Error::InvalidTolerance`] unless 0 < `tolerance` < 1; [`Error::UnreachableTolerance`] if
+    /// [`MAX_ORDER`] doesn't suffice.
+    pub fn order_for(
+        tolerance: f64,
+        least: usize,
+        error: impl Fn(usize) -> f64,
+    ) -> Result<usize, Error> {
+        if !(tolerance > 0.0 && tolerance < 1.0) {
+            return Err(Error::InvalidTolerance { found: tolerance });
+        }
+        let unreachable =
+            || Error::UnreachableTolerance { requested: tolerance, reachable: error(MAX_ORDER) };
+        (least..=MAX_ORDER).find(|&order| error(order) <= tolerance).ok_or_else(unreachable)
+    }
+
     /// The exponent's λ.
     pub fn lambda(&self) -> f64 {
         self.lambda

@@ -14,6 +14,7 @@ mod exponent;
 pub mod harmonic;
 mod law;
 mod near_field;
+mod ordinary;
 mod output;
 mod power_law;
 mod reciprocal;

@@ -20,6 +20,7 @@ use pulp::{Simd, WithSimd};
 use crate::columns::{from_columns, same, to_columns};
 use crate::exponent::Exponent;
 use crate::law::{Law, slope};
+use crate::ordinary::is_ordinary;
 use crate::output::Output;
 use crate::reciprocal::{Digits, Reciprocal};
 use crate::registers::Registers;
@@ -223,42 +224,6 @@ fn group<S, E, F, T, C, O, const G: usize, const N: usize>(
     }
 }
 
-/// Whether every r² lies between `LEAST` and its inverse, coincident points aside.
-#[inline(always)]
-fn is_ordinary<F: Reciprocal, T: Real>(xs: &[Point<T>], ys: &[Point<T>]) -> bool {
-    let root = F::LEAST.sqrt();
-    let (least, greatest) = (root / F::epsilon(), (F::from_f64(4.0) * root).recip());
-    let (mut apart, mut near) = (true, true);
-    for points in [xs, ys] {
-        for point in points {
-            for c in point.to_array() {
-                let c = same::<T, F>(c).abs();
-                apart &= (c >= least) | (c == F::from_f64(0.0));
-                near &= c <= greatest;
-            }
-        }
-    }
-    // Numbers of at least √LEAST / ε differ by √LEAST, if they differ. Only smaller ones need a look
-    // at each pair.
-    near && (apart || !any_too_close::<F, T>(xs, ys))
-}
-
-/// Whether any r² that isn't 0 is less than `LEAST`, or could be when rounded differently.
-#[inline(always)]
-fn any_too_close<F: Reciprocal, T: Real>(xs: &[Point<T>], ys: &[Point<T>]) -> bool {
-    let least = same::<F, T>(F::LEAST) * T::from_f64(2.0);
-    let mut any = false;
-    for x in xs {
-        for y in ys {
-            let [a, b, c] = (*x - *y).to_array();
-            let zero = T::from_f64(0.0);
-            let differ = (a != zero) | (b != zero) | (c != zero);
-            any |= differ & (a * a + b * b + c * c < least);
-        }
-    }
-    any
-}
-
 /// Numbers in a register.
 #[inline(always)]
 const fn lanes<F: Registers, S: Simd>() -> usize {
@@ -405,40 +370,21 @@ mod tests {
 
     #[test]
     fn blocks_with_extreme_distances_are_declined() {
-        let at = |c: f64| [glam::DVec3::new(0.0, c, 0.0)];
-        let near = |c: f64| [glam::Vec3::new(0.0, 1.0, c as f32)];
+        fn outcome<F: Reciprocal + Real>(level: DispatchLevel, distance: F) -> Outcome {
+            let (zero, types) = (F::from_f64(0.0), PhantomData);
+            let [x, y] = [zero, distance].map(|z| Point::<F>::from_array([zero, zero, z]));
+            let (xs, ys, qs, us) = (&[x], &[y], &[F::from_f64(1.0)], &mut [zero]);
+            let tolerance = 0.0;
+            type Single<'a, F> = Block<'a, MinusOne, F, F, F, crate::Potential>;
+            level.run(Single { xs, ys, qs, tolerance, us, types })
+        }
         for level in DispatchLevel::available() {
-            let f64s = |x: f64, y: f64| {
-                let (xs, ys, us) = (&at(x), &at(y), &mut [0.0]);
-                let types = PhantomData;
-                level.run(Block::<MinusOne, f64, f64, f64, crate::Potential> {
-                    xs,
-                    ys,
-                    qs: &[1.0],
-                    tolerance: 0.0,
-                    us,
-                    types,
-                })
-            };
-            let f32s = |x: f64, y: f64| {
-                let (xs, ys, us) = (&near(x), &near(y), &mut [0.0]);
-                let types = PhantomData;
-                level.run(Block::<MinusOne, f32, f32, f32, crate::Potential> {
-                    xs,
-                    ys,
-                    qs: &[1.0],
-                    tolerance: 0.0,
-                    us,
-                    types,
-                })
-            };
-            assert_eq!(f64s(0.0, 1e-170), Outcome::Declined);
-            assert_eq!(f64s(0.0, 1e60), Outcome::Declined);
-            assert_eq!(f64s(0.0, f64::NAN), Outcome::Declined);
-            assert_eq!(f64s(1e-40, -1e-40), Outcome::Done);
-            assert_eq!(f32s(1e-20, 0.0), Outcome::Declined);
-            assert_eq!(f32s(1e-20, 1e-20), Outcome::Done);
-            assert_eq!(f32s(1e-20, 1.0), Outcome::Done);
+            for extreme in [1e-170, 1e160, f64::NAN] {
+                assert_eq!(outcome(level, extreme), Outcome::Declined);
+            }
+            assert_eq!(outcome(level, 1e-20f32), Outcome::Declined);
+            assert_eq!(outcome(level, 0.0f32), Outcome::Done);
+            assert_eq!(outcome(level, 1e-40), Outcome::Done);
         }
     }
 }

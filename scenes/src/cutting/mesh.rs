@@ -3,9 +3,10 @@
 use farfield_radiosity::{Element, Patch, Surfel, Triangle};
 use glam::DVec3;
 
+use crate::cutting::pieces::{Cuts, pieces};
 use crate::scene::Scene;
 use crate::scene::error::SceneError;
-use crate::scene::geometry::{area, fan, regular_polygon};
+use crate::scene::geometry::{fan, regular_polygon, vector_area};
 use crate::scene::surface::{ScenePoint, Surface};
 
 /// How many elements a mesh may have.
@@ -23,11 +24,20 @@ pub struct Mesh {
     pub material: Vec<u32>,
     /// What hides: the surfaces, and hexagons for points, in triangles.
     pub triangles: Vec<Triangle>,
+    /// For each triangle, what it is of, as in `origin`.
+    pub(crate) owners: Vec<u32>,
+    /// What has become of each surface, then of each point.
+    pub(crate) wholes: Vec<Whole>,
 }
 
-/// Into how many pieces the edges of a surface are cut: those from its first corner to its second and
-/// from its first to its last. A triangle's edges are all cut alike, as the first number says.
-pub type Cuts = [u32; 2];
+/// A surface or a point in its elements.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Whole {
+    /// The first of its elements.
+    pub(crate) first: usize,
+    /// Into how many pieces it is cut.
+    pub(crate) cuts: Cuts,
+}
 
 impl Mesh {
     /// A scene in about `elements` elements of nearly equal size, by [`even_cuts`].
@@ -43,10 +53,11 @@ impl Mesh {
     /// in the same order; then those of points.
     ///
     /// # Errors
-    /// [`SceneError::Cuts`] unless there is one entry of positive numbers for each surface,
-    /// [`SceneError::TooManyElements`], or [`SceneError::Surface`] for a surface that isn't flat and
-    /// convex.
+    /// What [`Scene::check`] refuses, [`SceneError::Cuts`] unless there is one entry of positive numbers
+    /// for each surface, [`SceneError::TooManyElements`], or [`SceneError::Surface`] for a surface whose
+    /// pieces aren't flat and convex.
     pub fn with_cuts(scene: &Scene, cuts: &[Cuts]) -> Result<Self, SceneError> {
+        scene.check()?;
         if cuts.len() != scene.surfaces.len() || cuts.iter().flatten().any(|&cut| cut == 0) {
             let (found, expected) = (cuts.len(), scene.surfaces.len());
             return Err(SceneError::Cuts { found, expected });
@@ -57,109 +68,68 @@ impl Mesh {
         }
         let mut mesh = Self::default();
         for (index, (surface, &cuts)) in scene.surfaces.iter().zip(cuts).enumerate() {
-            let two_sided = scene.materials[surface.material].two_sided;
-            let added = mesh.add_surface(index, surface, cuts, two_sided);
+            let added = mesh.add_surface(scene, surface, cuts);
             added.map_err(|source| SceneError::Surface { index, source })?;
         }
         // Disks are faces of their own, after those of the surfaces.
         let faces = scene.surfaces.iter().map(|surface| surface.face);
         let free = faces.filter(|&face| face != Surfel::<f64>::NO_FACE).max().map_or(0, |f| f + 1);
         for (index, point) in scene.points.iter().enumerate() {
-            let origin = (scene.surfaces.len() + index) as u32;
             let two_sided = scene.materials[point.material].two_sided;
-            mesh.add_point(origin, point, free + index as u32, two_sided);
+            mesh.add_point(point, free + index as u32, two_sided);
         }
         Ok(mesh)
     }
 
     fn add_surface(
         &mut self,
-        index: usize,
+        scene: &Scene,
         surface: &Surface,
         cuts: Cuts,
-        two_sided: bool,
     ) -> Result<(), farfield_radiosity::Error> {
-        let pieces = pieces(&surface.corners, cuts);
-        let backs = pieces.iter().filter(|_| two_sided);
+        self.begin(cuts);
+        let corners = scene.corners(surface);
+        let pieces = pieces(&corners, cuts);
+        let backs = pieces.iter().filter(|_| scene.materials[surface.material].two_sided);
         let backs = backs.map(|piece| piece.iter().rev().copied().collect());
-        for corners in pieces.iter().cloned().chain(backs) {
-            let element = Element::patch(Patch::new(&corners)?, surface.face);
-            self.add(element, index as u32, surface.material);
+        for piece in pieces.iter().cloned().chain(backs) {
+            let element = Element::patch(Patch::new(&piece)?, surface.face);
+            self.add(element, surface.material);
         }
-        self.add_triangles(&surface.corners, surface.face);
+        self.add_triangles(&corners, surface.face);
         Ok(())
     }
 
-    fn add_point(&mut self, origin: u32, point: &ScenePoint, face: u32, two_sided: bool) {
+    fn add_point(&mut self, point: &ScenePoint, face: u32, two_sided: bool) {
+        self.begin([1, 1]);
         let ScenePoint { position, normal, area, material } = *point;
-        self.add(Element::disk(Surfel { position, normal, area, face }), origin, material);
+        self.add(Element::disk(Surfel { position, normal, area, face }), material);
         if two_sided {
             let back = Surfel { position, normal: -normal, area, face };
-            self.add(Element::disk(back), origin, material);
+            self.add(Element::disk(back), material);
         }
         self.add_triangles(&regular_polygon::<6>(position, normal, area), face);
     }
 
+    fn begin(&mut self, cuts: Cuts) {
+        self.wholes.push(Whole { first: self.elements.len(), cuts });
+    }
+
+    /// The index of what has begun last.
+    fn latest(&self) -> u32 {
+        self.wholes.len() as u32 - 1
+    }
+
     fn add_triangles(&mut self, corners: &[DVec3], face: u32) {
         self.triangles.extend(fan(corners).map(|vertices| Triangle { vertices, face }));
+        self.owners.resize(self.triangles.len(), self.latest());
     }
 
-    fn add(&mut self, element: Element, origin: u32, material: usize) {
+    fn add(&mut self, element: Element, material: usize) {
         self.elements.push(element);
-        self.origin.push(origin);
+        self.origin.push(self.latest());
         self.material.push(material as u32);
     }
-}
-
-/// The pieces of a triangle or quadrilateral, each with the orientation of the whole.
-///
-/// A quadrilateral is cut into a bilinear grid: piece i·nv + j covers u ∈ [i, i+1]/nu and
-/// v ∈ [j, j+1]/nv, where u runs from the first corner to the second, v from the first to the fourth.
-/// A triangle is cut into n² similar ones, row by row from its first corner to its second.
-pub(crate) fn pieces(corners: &[DVec3], [nu, nv]: Cuts) -> Vec<Vec<DVec3>> {
-    let mut pieces = Vec::new();
-    match *corners {
-        [a, b, c] => {
-            let n = nu;
-            let at = |i: u32, j: u32| {
-                // Exact at the corners, and alike on both sides of a shared edge.
-                let weights = [n - i - j, i, j].map(|weight| f64::from(weight) / f64::from(n));
-                a * weights[0] + b * weights[1] + c * weights[2]
-            };
-            for i in 0..n {
-                for j in 0..n - i {
-                    pieces.push(vec![at(i, j), at(i + 1, j), at(i, j + 1)]);
-                    if i + j + 1 < n {
-                        pieces.push(vec![at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)]);
-                    }
-                }
-            }
-        }
-        [a, b, c, d] => {
-            let at = |i: u32, j: u32| {
-                let (u, v) = (f64::from(i) / f64::from(nu), f64::from(j) / f64::from(nv));
-                a.lerp(b, u).lerp(d.lerp(c, u), v)
-            };
-            for i in 0..nu {
-                for j in 0..nv {
-                    pieces.push(vec![at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)]);
-                }
-            }
-        }
-        _ => (),
-    }
-    pieces
-}
-
-/// The number among [`pieces`] of the one in row i and column j: of a triangle, of those that are not
-/// turned. None beyond the last.
-pub(crate) fn piece_number(corners: usize, [nu, nv]: Cuts, [i, j]: [u32; 2]) -> Option<usize> {
-    let number = match corners {
-        3 if i + j < nu => 2 * nu * i - i * i + 2 * j,
-        4 if i < nu && j < nv => i * nv + j,
-        _ => return None,
-    };
-    Some(number as usize)
 }
 
 /// How many elements surfaces with these cuts, and points, come to.
@@ -185,7 +155,7 @@ pub fn even_cuts(scene: &Scene, elements: usize) -> Result<Vec<Cuts>, SceneError
         return Err(SceneError::TooManyElements { found, limit });
     }
     scene.check()?;
-    let lengths: Vec<_> = scene.surfaces.iter().map(edge_lengths).collect();
+    let lengths: Vec<_> = scene.surfaces.iter().map(|s| edge_lengths(&scene.corners(s))).collect();
     let cuts = |edge: f64| lengths.iter().map(move |lengths| lengths.map(|l| pieces_of(l, edge)));
     let fits = |edge: f64| count(scene, cuts(edge)) <= elements as f64;
     // No surface is cut at all if elements may be as long as the longest of them.
@@ -220,12 +190,12 @@ fn pieces_of(length: f64, edge: f64) -> u32 {
 
 /// Mean lengths of a quadrilateral across and along. For a triangle the edge of the square of
 /// the same area, so that its pieces are as large as those of quadrilaterals.
-pub(crate) fn edge_lengths(surface: &Surface) -> [f64; 2] {
-    match surface.corners[..] {
+pub(crate) fn edge_lengths(corners: &[DVec3]) -> [f64; 2] {
+    match *corners {
         [a, b, c, d] => {
             [0.5 * (a.distance(b) + d.distance(c)), 0.5 * (a.distance(d) + b.distance(c))]
         }
-        _ => [area(surface).sqrt(); 2],
+        _ => [vector_area(corners).length().sqrt(); 2],
     }
 }
 
@@ -233,13 +203,13 @@ pub(crate) fn edge_lengths(surface: &Surface) -> [f64; 2] {
 mod tests {
     use super::*;
     use crate::generators::{GENERATORS, generate};
-    use crate::scene::geometry::vector_area;
     use crate::scene::material::Material;
 
     fn single(corners: &[DVec3], two_sided: bool) -> Scene {
         let material = Material { two_sided, ..Material::grey() };
-        let surface = Surface { corners: corners.to_vec(), material: 0, face: 3 };
-        Scene { materials: vec![material], surfaces: vec![surface], ..Scene::default() }
+        let mut scene = Scene { materials: vec![material], ..Scene::default() };
+        scene.add(corners, 0, 3);
+        scene
     }
 
     fn rectangle(x: f64, y: f64) -> [DVec3; 4] {
@@ -255,38 +225,11 @@ mod tests {
     }
 
     #[test]
-    fn pieces_fill_their_surface_and_look_the_same_way() {
-        let trapezium =
-            [DVec3::ZERO, DVec3::X * 3.0, DVec3::new(2.0, 1.0, 1.0), DVec3::new(1.0, 1.0, 1.0)];
-        let triangle = [DVec3::ONE, DVec3::X * 3.0, DVec3::Y];
-        for (corners, cuts, number) in [
-            (&trapezium[..], [4, 7], 28),
-            (&trapezium[..], [1, 1], 1),
-            (&triangle[..], [5, 1], 25),
-            (&triangle[..], [1, 9], 1),
-        ] {
-            let pieces = pieces(corners, cuts);
-            assert_eq!(pieces.len(), number);
-            let whole = vector_area(corners);
-            let sum: DVec3 = pieces.iter().map(|piece| vector_area(piece)).sum();
-            assert!(sum.distance(whole) < 1e-14);
-            assert!(pieces.iter().all(|piece| {
-                let area = vector_area(piece);
-                area.angle_between(whole) < 1e-7 && piece.len() == corners.len()
-            }));
-        }
-        let similar = pieces(&triangle, [4, 4]);
-        let area = vector_area(&triangle).length() / 16.0;
-        assert!(similar.iter().all(|piece| (vector_area(piece).length() - area).abs() < 1e-15));
-        assert!(pieces(&triangle[..2], [1, 1]).is_empty());
-    }
-
-    #[test]
     fn generated_scenes_keep_their_area_and_have_about_as_many_elements_as_asked_for() {
         for name in GENERATORS {
             let scene = generate(name).expect("listed");
             let sides = |s: &Surface| if scene.materials[s.material].two_sided { 2.0 } else { 1.0 };
-            let total: f64 = scene.surfaces.iter().map(|s| sides(s) * area(s)).sum();
+            let total: f64 = scene.surfaces.iter().map(|s| sides(s) * scene.area(s)).sum();
             let least = scene.surfaces.iter().map(sides).sum::<f64>() as usize;
             for asked in [1, 3_000, 10_000, 30_000] {
                 let mesh = Mesh::new(&scene, asked).expect("valid");
@@ -315,13 +258,14 @@ mod tests {
             assert_eq!(surface.material, material as usize);
             let surfel = element.surfel();
             assert_eq!(surface.face, surfel.face);
-            let normal = vector_area(&surface.corners).normalize();
+            let corners = scene.corners(surface);
+            let normal = vector_area(&corners).normalize();
             assert!(surfel.normal.distance(normal) < 1e-7);
-            assert!(normal.dot(surfel.position - surface.corners[0]).abs() < 1e-9);
+            assert!(normal.dot(surfel.position - corners[0]).abs() < 1e-9);
         }
         assert!(seen.iter().all(|&seen| seen));
         let occluders: f64 = mesh.triangles.iter().map(|t| vector_area(&t.vertices).length()).sum();
-        let total: f64 = scene.surfaces.iter().map(area).sum();
+        let total: f64 = scene.surfaces.iter().map(|s| scene.area(s)).sum();
         assert!((occluders / total - 1.0).abs() < 1e-12);
     }
 
@@ -385,8 +329,11 @@ mod tests {
         }
         assert!(message(Mesh::new(&Scene::default(), 10)).contains("neither surfaces nor points"));
         let mut bent = scene.clone();
-        bent.surfaces[0].corners[2].z = 0.5;
+        bent.vertices[2].z = 0.5;
         assert!(message(Mesh::new(&bent, 10)).starts_with("surface 0: "));
         assert!(message(Mesh::with_cuts(&bent, &[[1, 1]])).starts_with("surface 0: "));
+        let mut torn = scene.clone();
+        torn.vertices.pop();
+        assert!(message(Mesh::with_cuts(&torn, &[[1, 1]])).contains("has a corner at vertex 3"));
     }
 }

@@ -3,4 +3,5 @@
 pub(crate) mod fields;
 pub(crate) mod mesh;
 pub(crate) mod optics;
+pub(crate) mod pieces;
 pub(crate) mod refine;

@@ -1,6 +1,7 @@
 //! Elements as small as a tolerance asks for, and no smaller.
 
-use crate::cutting::mesh::{Cuts, Mesh, edge_lengths, piece_number};
+use crate::cutting::mesh::{Mesh, Whole, edge_lengths};
+use crate::cutting::pieces::{Cuts, piece_count, piece_number};
 use crate::scene::Scene;
 
 /// What a tolerance asks of a scene's surfaces.
@@ -21,20 +22,13 @@ const STEP: f64 = 4.0;
 
 impl Refinement {
     /// The cuts that bring the error of one constant per element down to `tolerance`, with at most about
-    /// `most` elements. `mesh` is the scene with the present `cuts`, and `values` is a field on it: any
-    /// number of bands per element, the elements one after the other.
+    /// `most` elements. `mesh` is that of the scene, and `values` is a field on it: any number of bands
+    /// per element, the elements one after the other.
     ///
     /// On a piece of edges a and b, the field is off its mean by ((a ∂_u f)² + (b ∂_v f)²)/12 in the mean
     /// square. The slopes are differences of neighbours. With c that error of a surface at one piece,
     /// n pieces leave c/n; the least number of pieces in all that leave the tolerance has n ∝ √c.
-    pub fn new(
-        scene: &Scene,
-        mesh: &Mesh,
-        cuts: &[Cuts],
-        values: &[f64],
-        tolerance: f64,
-        most: usize,
-    ) -> Self {
+    pub fn new(scene: &Scene, mesh: &Mesh, values: &[f64], tolerance: f64, most: usize) -> Self {
         let bands = values.len() / mesh.elements.len().max(1);
         let value = |element: usize| &values[element * bands..][..bands];
         let areas = mesh.elements.iter().map(|element| element.surfel().area);
@@ -42,27 +36,24 @@ impl Refinement {
             .enumerate()
             .map(|(i, area)| area * value(i).iter().map(|v| v * v).sum::<f64>())
             .sum();
-        let mut first = 0;
+        let cuts: Vec<Cuts> = mesh.wholes.iter().map(|whole| whole.cuts).collect();
         let errors: Vec<[f64; 2]> = scene
             .surfaces
             .iter()
-            .zip(cuts)
-            .map(|(surface, &cuts)| {
-                let sides = if scene.materials[surface.material].two_sided { 2 } else { 1 };
-                let count = mesh.origin[first..]
-                    .iter()
-                    .take_while(|&&origin| origin == mesh.origin[first])
-                    .count();
+            .zip(&mesh.wholes)
+            .map(|(surface, &Whole { first, cuts })| {
+                let (corners, two_sided) =
+                    (surface.corners.len(), scene.materials[surface.material].two_sided);
+                let count = piece_count(corners, cuts);
                 let mut errors = [0.0; 2];
-                for side in 0..sides {
-                    let start = first + side * count / sides;
-                    let along = slopes(surface.corners.len(), cuts, |piece| {
+                for start in [Some(first), two_sided.then_some(first + count)].into_iter().flatten()
+                {
+                    let along = slopes(corners, cuts, |piece| {
                         let area = mesh.elements[start + piece].surfel().area;
                         (area, value(start + piece))
                     });
                     errors = [errors[0] + along[0], errors[1] + along[1]];
                 }
-                first += count;
                 errors
             })
             .collect();
@@ -74,7 +65,7 @@ impl Refinement {
         let whole = |k: usize| -> [f64; 2] {
             let [u, v] =
                 std::array::from_fn(|axis| errors[k][axis] * f64::from(cuts[k][axis]).powi(2));
-            let [a, b] = edge_lengths(&scene.surfaces[k]);
+            let [a, b] = edge_lengths(&scene.corners(&scene.surfaces[k]));
             match cuts[k] {
                 [2..=u32::MAX, 1] => [u, u * (b / a).powi(2)],
                 [1, 2..=u32::MAX] => [v * (a / b).powi(2), v],
@@ -87,12 +78,12 @@ impl Refinement {
             if scene.surfaces[k].corners.len() == 3 {
                 return 1.0;
             }
-            let ([u, v], [a, b]) = (whole(k), edge_lengths(&scene.surfaces[k]));
+            let ([u, v], [a, b]) = (whole(k), edge_lengths(&scene.corners(&scene.surfaces[k])));
             let ratio = if v > 0.0 { (u / v).sqrt() } else { f64::INFINITY };
             let ratio = if u > 0.0 || v > 0.0 { ratio } else { a / b };
             ratio.clamp(a / b / MOST_ASPECT, a / b * MOST_ASPECT)
         };
-        let strengths: Vec<f64> = (0..cuts.len())
+        let strengths: Vec<f64> = (0..errors.len())
             .map(|k| (whole(k)[0] / ratio(k) + whole(k)[1] * ratio(k)).sqrt())
             .collect();
         let wanted = strengths.iter().sum::<f64>() / (tolerance.powi(2) * size);
@@ -106,7 +97,7 @@ impl Refinement {
                 along[axis].clamp(now / STEP, now * STEP).round().max(1.0) as u32
             })
         };
-        Self { cuts: (0..cuts.len()).map(cut).collect(), error }
+        Self { cuts: (0..errors.len()).map(cut).collect(), error }
     }
 }
 
@@ -145,23 +136,17 @@ mod tests {
     use super::*;
     use crate::cutting::mesh::even_cuts;
     use crate::scene::material::Material;
-    use crate::scene::surface::Surface;
     use glam::DVec3;
 
     /// A floor of 2 × 1 and a triangle beside it.
     fn scene() -> Scene {
         let quad = [[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [0.0, 1.0]];
         let triangle = [[3.0, 0.0], [5.0, 0.0], [3.0, 2.0]];
-        let surface = |corners: &[[f64; 2]]| Surface {
-            corners: corners.iter().map(|[x, y]| DVec3::new(*x, *y, 0.0)).collect(),
-            material: 0,
-            face: 0,
-        };
-        Scene {
-            materials: vec![Material::grey()],
-            surfaces: vec![surface(&quad), surface(&triangle)],
-            ..Scene::default()
-        }
+        let at = |[x, y]: [f64; 2]| DVec3::new(x, y, 0.0);
+        let mut scene = Scene { materials: vec![Material::grey()], ..Scene::default() };
+        scene.add(&quad.map(at), 0, 0);
+        scene.add(&triangle.map(at), 0, 0);
+        scene
     }
 
     fn refined(elements: usize, tolerance: f64, most: usize) -> (Refinement, f64) {
@@ -181,7 +166,7 @@ mod tests {
             squares[0] += area * off / 12.0;
             squares[1] += area * value * value;
         }
-        let refinement = Refinement::new(&scene, &mesh, &cuts, &values, tolerance, most);
+        let refinement = Refinement::new(&scene, &mesh, &values, tolerance, most);
         (refinement, (squares[0] / squares[1]).sqrt())
     }
 
@@ -193,7 +178,7 @@ mod tests {
         let mesh = Mesh::with_cuts(&scene, &coarse.cuts).expect("a mesh");
         let values: Vec<f64> =
             mesh.elements.iter().map(|element| 1.0 + element.surfel().position.x).collect();
-        let fine = Refinement::new(&scene, &mesh, &coarse.cuts, &values, 0.02, 100_000);
+        let fine = Refinement::new(&scene, &mesh, &values, 0.02, 100_000);
         assert!(fine.error < 0.025 && fine.error > 0.01, "{}", fine.error);
     }
 
@@ -206,7 +191,7 @@ mod tests {
         let cuts = even_cuts(&scene, 60).expect("cuts");
         let mesh = Mesh::with_cuts(&scene, &cuts).expect("a mesh");
         let even = vec![1.0; mesh.elements.len()];
-        let refinement = Refinement::new(&scene, &mesh, &cuts, &even, 0.01, 1000);
+        let refinement = Refinement::new(&scene, &mesh, &even, 0.01, 1000);
         assert_eq!(refinement.error, 0.0);
     }
 }

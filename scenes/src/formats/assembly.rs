@@ -13,7 +13,6 @@ use crate::scene::Scene;
 use crate::scene::error::SceneError;
 use crate::scene::geometry::is_watertight;
 use crate::scene::material::{Material, RGB_BANDS};
-use crate::scene::surface::Surface;
 use crate::scene::viewpoint::Viewpoint;
 
 /// The scene that a TOML file describes. The names of mesh files start from its folder.
@@ -79,8 +78,7 @@ impl<'a> Assembly<'a> {
         for quad in &description.quad {
             let material = self.named(&quad.material, &description.materials)?;
             self.scene.closed &= self.scene.materials[material].two_sided;
-            let corners = quad.corners.map(DVec3::from_array).to_vec();
-            self.scene.surfaces.push(Surface { corners, material, face: self.faces });
+            self.scene.add(&quad.corners.map(DVec3::from_array), material, self.faces);
             self.faces += 1;
         }
         if let Some(camera) = &description.camera {
@@ -134,8 +132,10 @@ impl<'a> Assembly<'a> {
         // Light that arrives at the back of an open sheet is lost.
         let sealed = part.points.is_empty() && is_watertight(&part.surfaces);
         self.scene.closed &= sealed || two_sided;
+        part.vertices.iter_mut().for_each(|p| *p = place.transform_point3(*p));
+        let vertices = self.scene.vertices.len() as u32;
         for surface in &mut part.surfaces {
-            surface.corners.iter_mut().for_each(|p| *p = place.transform_point3(*p));
+            surface.corners.iter_mut().for_each(|k| *k += vertices);
             surface.face += self.faces;
         }
         for point in &mut part.points {
@@ -144,6 +144,7 @@ impl<'a> Assembly<'a> {
             point.area *= mesh.scale * mesh.scale;
         }
         self.faces = part.surfaces.iter().map(|s| s.face + 1).max().unwrap_or(self.faces);
+        self.scene.vertices.append(&mut part.vertices);
         self.scene.surfaces.append(&mut part.surfaces);
         self.scene.points.append(&mut part.points);
         // A description's material takes the place of what the file lacks.
@@ -220,7 +221,7 @@ impl<'a> Assembly<'a> {
 
 /// Scales all lengths.
 fn scale(scene: &mut Scene, factor: f64) {
-    scene.surfaces.iter_mut().flat_map(|s| &mut s.corners).for_each(|p| *p *= factor);
+    scene.vertices.iter_mut().for_each(|p| *p *= factor);
     for point in &mut scene.points {
         point.position *= factor;
         point.area *= factor * factor;

@@ -63,7 +63,6 @@ mod tests {
 #[cfg(test)]
 mod descriptions {
     use super::*;
-    use crate::scene::geometry::{area, volume};
     use crate::scene::surface::Surface;
     use glam::DVec3;
     use std::fs;
@@ -110,12 +109,13 @@ mod descriptions {
         );
         let scene = scene.expect("valid");
         let body = &scene.surfaces[scene.surfaces.len() - 4..];
-        assert!((volume(body) / (1e6 / 6.0) - 1.0).abs() < 1e-9);
+        let alone = Scene { surfaces: body.to_vec(), ..scene.clone() };
+        assert!((alone.volume() / (1e6 / 6.0) - 1.0).abs() < 1e-9);
         let name = |s: &Surface| scene.materials[s.material].name.clone();
         assert!(body.iter().all(|s| name(s) == "porcelain"));
         // The corner on the x axis has been turned to low z.
         let corner = DVec3::new(180.0, 165.0, 50.0);
-        assert!(body.iter().flat_map(|s| &s.corners).any(|p| p.distance(corner) < 1e-9));
+        assert!(body.iter().flat_map(|s| scene.corners(s)).any(|p| p.distance(corner) < 1e-9));
         let others = scene.surfaces[..scene.surfaces.len() - 4].iter();
         let highest = others.map(|s| s.face).max().expect("a box");
         assert!(body.iter().map(|s| s.face).eq(highest + 1..=highest + 4));
@@ -141,7 +141,7 @@ mod descriptions {
         );
         let scene = scene.expect("valid");
         assert!(scene.closed);
-        assert_eq!(area(&scene.surfaces[0]), 1.0);
+        assert_eq!(scene.area(&scene.surfaces[0]), 1.0);
         let point = scene.points[0];
         assert_eq!((point.position, point.area), (DVec3::new(1.5, 3.0, 4.5), 0.5 * 9.0 / 4.0));
         let dust = &scene.materials[point.material];

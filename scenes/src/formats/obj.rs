@@ -5,7 +5,7 @@ use std::io;
 use std::path::Path;
 
 use crate::formats::text::{Line, Lines, read_text};
-use crate::repair::soup::{Polygon, Soup};
+use crate::repair::soup::Soup;
 use crate::scene::Scene;
 use crate::scene::error::SceneError;
 use crate::scene::material::Material;
@@ -25,20 +25,20 @@ pub(crate) fn read(path: &Path) -> Result<Scene, SceneError> {
     let mut soup = Soup::default();
     let mut library = HashMap::new();
     let mut repairs = Vec::new();
-    // Names of the materials in the order of their first use; the first is of faces that name none.
-    let mut names = vec![String::new()];
-    let mut current = 0;
+    // The names of materials in the order of their first use; nothing for faces that name none.
+    let mut names: Vec<String> = Vec::new();
+    let mut current = String::new();
     for line in Lines::new(path, &text) {
         match line.words[0] {
-            "v" => soup.vertices.push(line.point(1)?),
-            "f" => soup.polygons.push(polygon(&line, soup.vertices.len(), current)?),
-            "usemtl" => {
-                let name = line.words[1..].join(" ");
-                current = names.iter().position(|known| *known == name).unwrap_or_else(|| {
-                    names.push(name);
-                    names.len() - 1
-                });
+            "v" => soup.add_vertex(line.point(1)?),
+            "f" => {
+                let known = names.iter().position(|known| *known == current);
+                add_polygon(&mut soup, &line, known.unwrap_or(names.len()))?;
+                if known.is_none() {
+                    names.push(current.clone());
+                }
             }
+            "usemtl" => current = line.words[1..].join(" "),
             "mtllib" => {
                 let name = line.words[1..].join(" ");
                 match read_materials(&folder.join(&name)) {
@@ -54,26 +54,36 @@ pub(crate) fn read(path: &Path) -> Result<Scene, SceneError> {
             _ => (),
         }
     }
-    let materials = materials(&mut soup, &names, &mut library, &mut repairs);
+    let materials = names.into_iter().map(|name| {
+        library.remove(&name).unwrap_or_else(|| {
+            repairs.push(if name.is_empty() {
+                "faces without a material made grey".to_owned()
+            } else {
+                format!("material `{name}` not found, faces made grey")
+            });
+            Material { name, ..Material::grey() }
+        })
+    });
+    let materials = materials.collect();
     let mut scene = soup.into_scene(materials);
     repairs.append(&mut scene.repairs);
     Ok(Scene { repairs, ..scene })
 }
 
-/// The face of a line, given how many vertices there are so far.
-fn polygon(line: &Line, vertices: usize, material: usize) -> Result<Polygon, SceneError> {
+/// Adds the face of a line.
+fn add_polygon(soup: &mut Soup, line: &Line, material: usize) -> Result<(), SceneError> {
+    let vertices = soup.vertices();
     let corner = |word: &&str| {
         // Texture coordinates and normals may follow after slashes.
         let number: i64 = word.split('/').next()?.parse().ok()?;
-        let count = i64::try_from(vertices).ok()?;
         // Negative numbers count from the latest vertex backwards.
-        let index = if number < 0 { count.checked_add(number)? } else { number - 1 };
-        (0..count).contains(&index).then_some(index as usize)
+        let before = if number < 0 { i64::from(vertices) } else { -1 };
+        u32::try_from(before.checked_add(number)?).ok()
     };
     let corners: Option<Vec<_>> = line.words[1..].iter().map(corner).collect();
-    match corners.filter(|corners| corners.len() > 2) {
-        Some(corners) => Ok(Polygon { corners, material }),
-        None => {
+    match corners {
+        Some(corners) if corners.len() > 2 && soup.add_polygon(&corners, material) => Ok(()),
+        _ => {
             let found = line.quoted();
             let expected =
                 format!("three or more of the {vertices} vertices so far, found {found}");
@@ -101,36 +111,10 @@ fn read_materials(path: &Path) -> Result<Vec<Material>, SceneError> {
     Ok(materials)
 }
 
-/// The materials in use, to which the indices of the polygons are changed.
-fn materials(
-    soup: &mut Soup,
-    names: &[String],
-    library: &mut HashMap<String, Material>,
-    repairs: &mut Vec<String>,
-) -> Vec<Material> {
-    let mut used = vec![None; names.len()];
-    let mut materials = Vec::new();
-    for polygon in &mut soup.polygons {
-        let name = &names[polygon.material];
-        polygon.material = *used[polygon.material].get_or_insert_with(|| {
-            materials.push(library.remove(name).unwrap_or_else(|| {
-                repairs.push(if name.is_empty() {
-                    "faces without a material made grey".to_owned()
-                } else {
-                    format!("material `{name}` not found, faces made grey")
-                });
-                Material { name: name.clone(), ..Material::grey() }
-            }));
-            materials.len() - 1
-        });
-    }
-    materials
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::geometry::{area, vector_area};
+    use crate::scene::geometry::vector_area;
     use glam::DVec3;
     use std::fs;
 
@@ -159,8 +143,8 @@ mod tests {
         assert_eq!(scene.materials, [red, lamp]);
         let materials: Vec<_> = scene.surfaces.iter().map(|s| s.material).collect();
         assert_eq!(materials, [0, 1]);
-        assert_eq!(scene.surfaces.iter().map(area).collect::<Vec<_>>(), [1.0, 0.5]);
-        assert_eq!(vector_area(&scene.surfaces[1].corners), -0.5 * DVec3::Z);
+        assert_eq!(scene.surfaces.iter().map(|s| scene.area(s)).collect::<Vec<_>>(), [1.0, 0.5]);
+        assert_eq!(vector_area(&scene.corners(&scene.surfaces[1])), -0.5 * DVec3::Z);
     }
 
     #[test]

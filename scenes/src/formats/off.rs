@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::formats::text::{Line, Lines, read_text};
-use crate::repair::soup::{Polygon, Soup};
+use crate::repair::soup::Soup;
 use crate::scene::Scene;
 use crate::scene::error::SceneError;
 use crate::scene::material::Material;
@@ -34,11 +34,11 @@ pub(crate) fn read(path: &Path) -> Result<Scene, SceneError> {
     let mut soup = Soup::default();
     for index in 0..vertices {
         let line = lines.expect(&format!("vertex {index} of {vertices}"))?;
-        soup.vertices.push(line.point(0)?);
+        soup.add_vertex(line.point(0)?);
     }
     for index in 0..faces {
         let line = lines.expect(&format!("face {index} of {faces}"))?;
-        soup.polygons.push(polygon(&line, vertices)?);
+        add_polygon(&mut soup, &line)?;
     }
     Ok(soup.into_scene(vec![Material::grey()]))
 }
@@ -46,26 +46,25 @@ pub(crate) fn read(path: &Path) -> Result<Scene, SceneError> {
 /// The keywords of files in three dimensions: with texture coordinates, colours or normals.
 const KEYWORDS: [&str; 6] = ["OFF", "COFF", "NOFF", "CNOFF", "NCOFF", "STOFF"];
 
-/// The polygon of a line: how many corners, and which vertices they are.
-fn polygon(line: &Line, vertices: usize) -> Result<Polygon, SceneError> {
-    let expected = || {
-        let found = line.quoted();
-        let expected = format!("a number of corners and as many vertices below {vertices}");
-        line.refusal(format!("{expected}, found {found}"))
-    };
-    let number = |word: &&str| word.parse::<usize>().ok();
-    let count = line.words.first().and_then(number).ok_or_else(expected)?;
-    let corners: Vec<_> = line.words[1..].iter().take(count).map_while(number).collect();
-    if corners.len() != count || corners.iter().any(|&k| k >= vertices) {
-        return Err(expected());
+/// Adds the polygon of a line: how many corners, and which vertices they are.
+fn add_polygon(soup: &mut Soup, line: &Line) -> Result<(), SceneError> {
+    let count = line.words.first().and_then(|word| word.parse::<usize>().ok());
+    let corners = line.words[1..].iter().map_while(|word| word.parse().ok());
+    let corners: Vec<u32> = corners.collect();
+    match count.and_then(|count| corners.get(..count)) {
+        Some(corners) if soup.add_polygon(corners, 0) => Ok(()),
+        _ => {
+            let (found, vertices) = (line.quoted(), soup.vertices());
+            let expected = format!("a number of corners and as many vertices below {vertices}");
+            Err(line.refusal(format!("{expected}, found {found}")))
+        }
     }
-    Ok(Polygon { corners, material: 0 })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::geometry::{area, is_watertight, volume};
+    use crate::scene::geometry::is_watertight;
     use std::fs;
 
     fn read_off(text: &str) -> Result<Scene, SceneError> {
@@ -82,7 +81,7 @@ mod tests {
     fn a_tetrahedron_comes_back() {
         let scene = read_off(TETRAHEDRON).expect("valid");
         assert!(is_watertight(&scene.surfaces));
-        assert!((volume(&scene.surfaces) - 1.0 / 6.0).abs() < 1e-15);
+        assert!((scene.volume() - 1.0 / 6.0).abs() < 1e-15);
         assert_eq!(scene.materials, [Material::grey()]);
         assert!(scene.repairs.is_empty());
         let one_line = TETRAHEDRON.replacen("OFF # a comment\n", "COFF ", 1);
@@ -92,8 +91,9 @@ mod tests {
     #[test]
     fn polygons_with_many_corners_are_cut() {
         let scene = read_off("OFF\n5 1 0\n0 0 0\n1 0 0\n1 1 0\n.5 2 0\n0 1 0\n5 0 1 2 3 4\n");
-        let surfaces = scene.expect("valid").surfaces;
-        assert!((surfaces.iter().map(area).sum::<f64>() - 1.5).abs() < 1e-15);
+        let scene = scene.expect("valid");
+        let area = scene.surfaces.iter().map(|s| scene.area(s)).sum::<f64>();
+        assert!((area - 1.5).abs() < 1e-15);
     }
 
     #[test]

@@ -8,7 +8,7 @@ use ply_rs_bw::ply::{ElementDef, Property, PropertyAccess, PropertyAccessResult,
 
 use crate::formats::text::read_bytes;
 use crate::repair::point_areas::areas;
-use crate::repair::soup::{Polygon, Soup};
+use crate::repair::soup::Soup;
 use crate::scene::Scene;
 use crate::scene::error::SceneError;
 use crate::scene::material::Material;
@@ -176,18 +176,15 @@ fn elements(path: &Path, bytes: &[u8]) -> Result<Elements, SceneError> {
 
 /// The scene of a mesh.
 fn mesh(path: &Path, vertices: &[Vertex], faces: Vec<Face>) -> Result<Scene, SceneError> {
-    let count = vertices.len();
     let mut soup = Soup::default();
+    vertices.iter().for_each(|v| soup.add_vertex(v.position));
     for (index, face) in faces.into_iter().enumerate() {
-        let corners = face.corners.filter(|corners| corners.iter().all(|&k| (k as usize) < count));
-        let Some(corners) = corners else {
-            let (path, expected) = (path.to_owned(), format!("a list of vertices below {count}"));
+        if !face.corners.is_some_and(|corners| soup.add_polygon(&corners, 0)) {
+            let expected = format!("a list of vertices below {}", vertices.len());
+            let path = path.to_owned();
             return Err(SceneError::Entry { path, kind: "face", index, expected });
-        };
-        let corners = corners.into_iter().map(|k| k as usize).collect();
-        soup.polygons.push(Polygon { corners, material: 0 });
+        }
     }
-    soup.vertices = vertices.iter().map(|v| v.position).collect();
     Ok(soup.into_scene(vec![Material::grey()]))
 }
 
@@ -236,7 +233,7 @@ fn file_refusal(path: &Path, expected: &str) -> SceneError {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::geometry::{is_watertight, volume};
+    use crate::scene::geometry::is_watertight;
     use std::fs;
 
     fn read_ply(bytes: &[u8]) -> Result<Scene, SceneError> {
@@ -278,7 +275,7 @@ mod tests {
         for bytes in [TETRAHEDRON.as_bytes().to_vec(), binary(false), binary(true)] {
             let scene = read_ply(&bytes).expect("valid");
             assert!(is_watertight(&scene.surfaces) && scene.repairs.is_empty());
-            assert!((volume(&scene.surfaces) - 1.0 / 6.0).abs() < 1e-15);
+            assert!((scene.volume() - 1.0 / 6.0).abs() < 1e-15);
         }
     }
 

@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 
 use crate::formats::text::{Lines, read_bytes};
-use crate::repair::soup::{Polygon, Soup};
+use crate::repair::soup::Soup;
 use crate::scene::Scene;
 use crate::scene::error::SceneError;
 use crate::scene::material::Material;
@@ -21,7 +21,7 @@ pub(crate) fn read(path: &Path) -> Result<Scene, SceneError> {
     let declared = bytes.get(HEADER - 4..HEADER).and_then(|count| count.try_into().ok());
     let size = declared.map(|count| HEADER + RECORD * u32::from_le_bytes(count) as usize);
     // Binary files may begin with `solid` as well: their length tells.
-    let vertices = if size != Some(bytes.len()) && bytes.trim_ascii_start().starts_with(b"solid") {
+    let mut soup = if size != Some(bytes.len()) && bytes.trim_ascii_start().starts_with(b"solid") {
         ascii(path, &String::from_utf8_lossy(&bytes))?
     } else {
         match size.filter(|&size| size <= bytes.len()) {
@@ -35,9 +35,9 @@ pub(crate) fn read(path: &Path) -> Result<Scene, SceneError> {
             }
         }
     };
-    let triangle = |k: usize| Polygon { corners: vec![3 * k, 3 * k + 1, 3 * k + 2], material: 0 };
-    let polygons = (0..vertices.len() / 3).map(triangle).collect();
-    Ok(Soup { vertices, polygons }.into_scene(vec![Material::grey()]))
+    let firsts = (0..soup.vertices()).step_by(3);
+    firsts.for_each(|k| _ = soup.add_polygon(&[k, k + 1, k + 2], 0));
+    Ok(soup.into_scene(vec![Material::grey()]))
 }
 
 /// Bytes before the first triangle of a binary file, the last four of which are the number of
@@ -47,8 +47,8 @@ const HEADER: usize = 84;
 const RECORD: usize = 50;
 
 /// The corners of the triangles in a binary file.
-fn binary(path: &Path, records: &[u8]) -> Result<Vec<DVec3>, SceneError> {
-    let mut vertices = Vec::with_capacity(3 * records.len() / RECORD);
+fn binary(path: &Path, records: &[u8]) -> Result<Soup, SceneError> {
+    let mut soup = Soup::default();
     for (index, record) in records.chunks_exact(RECORD).enumerate() {
         for corner in record[12..48].chunks_exact(12) {
             let number = |k: usize| {
@@ -60,15 +60,15 @@ fn binary(path: &Path, records: &[u8]) -> Result<Vec<DVec3>, SceneError> {
                 let path = path.to_owned();
                 return Err(SceneError::Entry { path, kind: "triangle", index, expected });
             }
-            vertices.push(vertex.as_dvec3());
+            soup.add_vertex(vertex.as_dvec3());
         }
     }
-    Ok(vertices)
+    Ok(soup)
 }
 
 /// The corners of the triangles in an ASCII file.
-fn ascii(path: &Path, text: &str) -> Result<Vec<DVec3>, SceneError> {
-    let mut vertices = Vec::new();
+fn ascii(path: &Path, text: &str) -> Result<Soup, SceneError> {
+    let mut soup = Soup::default();
     let mut lines = Lines::new(path, text);
     let mut corners = 0;
     loop {
@@ -77,12 +77,12 @@ fn ascii(path: &Path, text: &str) -> Result<Vec<DVec3>, SceneError> {
             "solid" | "facet" | "endfacet" => (),
             "outer" => corners = 0,
             "vertex" => {
-                vertices.push(line.point(1)?);
+                soup.add_vertex(line.point(1)?);
                 corners += 1;
             }
             "endloop" if corners == 3 => (),
             "endloop" => return Err(line.refusal(format!("three corners before, found {corners}"))),
-            "endsolid" if vertices.len().is_multiple_of(3) => return Ok(vertices),
+            "endsolid" if soup.vertices().is_multiple_of(3) => return Ok(soup),
             _ => return Err(line.refusal(format!("facet or endsolid, found {}", line.quoted()))),
         }
     }
@@ -92,8 +92,7 @@ fn ascii(path: &Path, text: &str) -> Result<Vec<DVec3>, SceneError> {
 mod tests {
     use super::*;
     use crate::generators::round::sphere;
-    use crate::scene::geometry::{is_watertight, volume};
-    use crate::scene::surface::Surface;
+    use crate::scene::geometry::is_watertight;
     use std::fmt::Write;
     use std::fs;
 
@@ -104,24 +103,32 @@ mod tests {
         read(&path)
     }
 
-    fn binary_file(surfaces: &[Surface], title: &[u8]) -> Vec<u8> {
+    /// The first triangles of the sphere.
+    fn part(count: usize) -> Scene {
+        let mut scene = sphere();
+        scene.surfaces.truncate(count);
+        scene
+    }
+
+    fn binary_file(scene: &Scene, title: &[u8]) -> Vec<u8> {
         let mut bytes = title.to_vec();
         bytes.resize(HEADER - 4, 0);
-        bytes.extend((surfaces.len() as u32).to_le_bytes());
-        for surface in surfaces {
+        bytes.extend((scene.surfaces.len() as u32).to_le_bytes());
+        for surface in &scene.surfaces {
             bytes.extend([0; 12]);
-            let numbers = surface.corners.iter().flat_map(|p| p.as_vec3().to_array());
+            let corners = scene.corners(surface).into_iter();
+            let numbers = corners.flat_map(|p| p.as_vec3().to_array());
             bytes.extend(numbers.flat_map(f32::to_le_bytes));
             bytes.extend([0; 2]);
         }
         bytes
     }
 
-    fn ascii_file(surfaces: &[Surface]) -> String {
+    fn ascii_file(scene: &Scene) -> String {
         let mut text = "solid a body\n".to_owned();
-        for surface in surfaces {
+        for surface in &scene.surfaces {
             text += "  facet normal 0 0 0\n    outer loop\n";
-            for p in &surface.corners {
+            for p in scene.corners(surface) {
                 writeln!(text, "      vertex {} {} {}", p.x, p.y, p.z).expect("memory");
             }
             text += "    endloop\n  endfacet\n";
@@ -131,33 +138,34 @@ mod tests {
 
     #[test]
     fn a_sphere_comes_back_in_both_formats() {
-        let surfaces = sphere().surfaces;
-        let ascii = read_stl(ascii_file(&surfaces).as_bytes()).expect("valid");
-        assert_eq!(ascii.surfaces.len(), surfaces.len());
-        let same = ascii.surfaces.iter().zip(&surfaces).all(|(a, b)| a.corners == b.corners);
-        assert!(same && ascii.repairs.is_empty());
+        let scene = sphere();
+        let ascii = read_stl(ascii_file(&scene).as_bytes()).expect("valid");
+        let corners =
+            |scene: &Scene| -> Vec<_> { scene.surfaces.iter().map(|s| scene.corners(s)).collect() };
+        assert_eq!(corners(&ascii), corners(&scene));
+        assert!(ascii.vertices.len() == 2562 && ascii.repairs.is_empty());
         for title in [&b"exported"[..], b"solid but binary"] {
-            let binary = read_stl(&binary_file(&surfaces, title)).expect("valid");
-            assert_eq!(binary.surfaces.len(), surfaces.len());
+            let binary = read_stl(&binary_file(&scene, title)).expect("valid");
+            assert_eq!(binary.surfaces.len(), scene.surfaces.len());
             assert!(is_watertight(&binary.surfaces) && binary.repairs.is_empty());
-            assert!((volume(&binary.surfaces) - volume(&surfaces)).abs() < 1e-6);
+            assert!((binary.volume() - scene.volume()).abs() < 1e-6);
         }
     }
 
     #[test]
     fn turned_triangles_of_a_sphere_are_turned_outwards() {
-        let mut surfaces = sphere().surfaces;
-        surfaces.iter_mut().for_each(|s| s.corners.reverse());
-        surfaces.iter_mut().step_by(3).for_each(|s| s.corners.reverse());
-        let scene = read_stl(ascii_file(&surfaces).as_bytes()).expect("valid");
+        let mut turned = sphere();
+        turned.surfaces.iter_mut().for_each(|s| s.corners.reverse());
+        turned.surfaces.iter_mut().step_by(3).for_each(|s| s.corners.reverse());
+        let scene = read_stl(ascii_file(&turned).as_bytes()).expect("valid");
         assert_eq!(scene.repairs, ["faces turned round to agree with their neighbours: 1707"]);
-        assert!(is_watertight(&scene.surfaces) && volume(&scene.surfaces) > 4.0);
+        assert!(is_watertight(&scene.surfaces) && scene.volume() > 4.0);
     }
 
     #[test]
     fn malformed_files_are_refused() {
         let message = |bytes: &[u8]| read_stl(bytes).expect_err("malformed").to_string();
-        let mut bytes = binary_file(&sphere().surfaces[..2], b"");
+        let mut bytes = binary_file(&part(2), b"");
         bytes.pop();
         assert!(message(&bytes).contains("184 bytes of binary STL at least, found 183"));
         assert!(message(b"short").contains("84 bytes of binary STL at least, found 5"));
@@ -165,7 +173,7 @@ mod tests {
         bytes.push(0);
         bytes[HEADER + RECORD + 12..][..4].copy_from_slice(&f32::NAN.to_le_bytes());
         assert!(message(&bytes).contains("triangle 1: expected finite coordinates, found [NaN"));
-        let text = ascii_file(&sphere().surfaces[..2]);
+        let text = ascii_file(&part(2));
         for (from, to, place) in [
             ("endsolid a body", "", "line 15: expected facet or endsolid, found the end"),
             ("vertex", "vertices", "line 4: expected facet or endsolid, found `vertices"),

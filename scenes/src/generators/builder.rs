@@ -7,6 +7,7 @@ use crate::scene::Scene;
 use crate::scene::material::Material;
 use crate::scene::surface::Surface;
 use crate::scene::viewpoint::Viewpoint;
+use crate::scene::weld::Weld;
 
 /// How far a corner may lie off a plane, relative to the scene, to count as on it.
 const TOLERANCE: f64 = 1e-9;
@@ -15,6 +16,7 @@ const TOLERANCE: f64 = 1e-9;
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Builder {
     scene: Scene,
+    weld: Weld,
     planes: Vec<Plane>,
 }
 
@@ -28,7 +30,7 @@ struct Plane {
 impl Builder {
     /// A scene of these materials, with nothing in it.
     pub(crate) fn new(materials: Vec<Material>) -> Self {
-        Self { scene: Scene { materials, ..Scene::default() }, planes: Vec::new() }
+        Self { scene: Scene { materials, ..Scene::default() }, ..Self::default() }
     }
 
     /// Adds a flat convex surface of three or four corners, in either order, whose front is on the
@@ -41,6 +43,7 @@ impl Builder {
             normal = -normal;
         }
         let face = self.face(&corners, normal);
+        let corners = corners.into_iter().map(|place| self.weld.vertex(place)).collect();
         self.scene.surfaces.push(Surface { corners, material, face });
     }
 
@@ -81,7 +84,7 @@ impl Builder {
 
     /// The finished scene, seen from `camera`.
     pub(crate) fn finish(self, camera: Viewpoint, closed: bool) -> Scene {
-        Scene { camera: Some(camera), closed, ..self.scene }
+        Scene { vertices: self.weld.vertices, camera: Some(camera), closed, ..self.scene }
     }
 
     /// The face of the plane that these corners lie in.
@@ -137,7 +140,7 @@ mod tests {
         let scene = builder.finish(camera(), false);
         let faces: Vec<_> = scene.surfaces.iter().map(|s| s.face).collect();
         assert_eq!(faces, [0, 0, 1]);
-        let looks = scene.surfaces.iter().map(|s| normal(&s.corners).z);
+        let looks = scene.surfaces.iter().map(|s| normal(&scene.corners(s)).z);
         assert!(looks.eq([1.0, -1.0, 1.0]));
         assert!(scene.check().is_ok());
     }
@@ -150,9 +153,10 @@ mod tests {
         builder.add_level(std::slice::from_ref(&footprint), 2.0, DVec3::Y, 0);
         let scene = builder.finish(camera(), false);
         let centre = DVec3::new(3.5, 1.0, 2.0);
-        assert_eq!(scene.surfaces.len(), 5);
+        assert_eq!((scene.surfaces.len(), scene.vertices.len()), (5, 8));
         for surface in &scene.surfaces {
-            assert!(normal(&surface.corners).dot(surface.corners[0] - centre) > 0.9);
+            let corners = scene.corners(surface);
+            assert!(normal(&corners).dot(corners[0] - centre) > 0.9);
         }
         assert_eq!(plan(at(footprint[0], 7.0)), footprint[0]);
     }

@@ -83,7 +83,7 @@ fn noise(i: usize, j: usize, purpose: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::geometry::{area, centroid, open_area, vector_area};
+    use crate::scene::geometry::{centroid, vector_area};
 
     #[test]
     fn the_town_covers_its_ground_once() {
@@ -92,9 +92,10 @@ mod tests {
             assert!(scene.check().is_ok() && !scene.closed);
             let size = blocks as f64 * PERIOD + STREET;
             // Walls cancel out; ground and roofs together are the plan.
-            let open = open_area(&scene.surfaces);
+            let open = scene.open_area();
             assert!(open.distance(DVec3::Y * size * size) < 1e-8, "{open}");
-            let level: f64 = scene.surfaces.iter().filter(|s| s.material < 2).map(area).sum();
+            let level = scene.surfaces.iter().filter(|s| s.material < 2);
+            let level: f64 = level.map(|s| scene.area(s)).sum();
             assert!((level - size * size).abs() < 1e-8);
             let roofs = scene.surfaces.iter().filter(|s| s.material == 1).count();
             assert_eq!(roofs, blocks * blocks);
@@ -106,7 +107,8 @@ mod tests {
         let scene = canyon(3);
         let in_street = |c: f64| c.rem_euclid(PERIOD) < STREET;
         for surface in &scene.surfaces {
-            let (centre, normal) = (centroid(surface), vector_area(&surface.corners).normalize());
+            let corners = scene.corners(surface);
+            let (centre, normal) = (centroid(&corners), vector_area(&corners).normalize());
             let ahead = centre + normal;
             match surface.material {
                 0 => assert!(centre.y == 0.0 && (in_street(centre.x) || in_street(centre.z))),
@@ -120,7 +122,7 @@ mod tests {
     fn heights_differ_but_not_from_run_to_run() {
         let heights = |scene: Scene| -> Vec<u64> {
             let roofs = scene.surfaces.iter().filter(|s| s.material == 1);
-            roofs.map(|s| s.corners[0].y.to_bits()).collect()
+            roofs.map(|s| scene.corners(s)[0].y.to_bits()).collect()
         };
         let mut first = heights(canyon(4));
         assert_eq!(first, heights(canyon(4)));

@@ -81,11 +81,19 @@ const TALL_BLOCK_TOP: [[f64; 3]; 4] =
 mod tests {
     use super::*;
     use crate::generators::polygon;
-    use crate::scene::geometry::{area, centroid, contains, vector_area};
+    use crate::scene::geometry::{centroid, contains, vector_area};
     use crate::scene::surface::Surface;
 
-    fn of(material: usize) -> Vec<Surface> {
-        cornell().surfaces.into_iter().filter(|s| s.material == material).collect()
+    /// The corners of the surfaces for which `counts` holds, and their faces.
+    fn of(counts: impl Fn(&Surface, &[DVec3]) -> bool) -> (Vec<Vec<DVec3>>, Vec<u32>) {
+        let scene = cornell();
+        let all = scene.surfaces.iter().map(|surface| (surface, scene.corners(surface)));
+        let counted = all.filter(|(surface, corners)| counts(surface, corners));
+        counted.map(|(surface, corners)| (corners, surface.face)).unzip()
+    }
+
+    fn area(corners: &[Vec<DVec3>]) -> f64 {
+        corners.iter().map(|corners| vector_area(corners).length()).sum()
     }
 
     #[test]
@@ -98,15 +106,13 @@ mod tests {
 
     #[test]
     fn the_floor_ends_where_the_blocks_begin() {
-        let scene = cornell();
         let blocks = [SHORT_BLOCK_TOP, TALL_BLOCK_TOP].map(|top| top.map(|p| plan(p.into())));
         let covered: f64 = blocks.iter().map(|block| polygon::area(block).abs()).sum();
         let whole = polygon::area(&FLOOR.map(|p| plan(p.into()))).abs();
-        let floor: Vec<_> =
-            scene.surfaces.iter().filter(|s| s.corners.iter().all(|p| p.y == 0.0)).collect();
-        let lit: f64 = floor.iter().map(|s| area(s)).sum();
+        let (floor, _) = of(|_, corners| corners.iter().all(|p| p.y == 0.0));
+        let lit = area(&floor);
         assert!((lit - (whole - covered)).abs() < 1e-8 * whole, "{lit} {whole} {covered}");
-        assert!(floor.iter().all(|s| vector_area(&s.corners).y > 0.0));
+        assert!(floor.iter().all(|s| vector_area(s).y > 0.0));
         // Where blocks stand there is no floor, and elsewhere there is exactly one piece of it.
         for i in 0..40 {
             for j in 0..40 {
@@ -129,33 +135,31 @@ mod tests {
 
     #[test]
     fn light_and_ceiling_together_fill_the_top() {
-        let top: Vec<_> = cornell()
-            .surfaces
-            .into_iter()
-            .filter(|s| s.corners.iter().all(|p| p.y == HEIGHT))
-            .collect();
-        let total: f64 = top.iter().map(area).sum();
-        assert!((total - 556.0 * 559.2).abs() < 1e-7);
-        assert!(top.iter().all(|s| s.face == top[0].face && vector_area(&s.corners).y < 0.0));
-        assert!((of(LAMP).iter().map(area).sum::<f64>() - 130.0 * 105.0).abs() < 1e-9);
+        let (top, faces) = of(|_, corners| corners.iter().all(|p| p.y == HEIGHT));
+        assert!((area(&top) - 556.0 * 559.2).abs() < 1e-7);
+        assert!(faces.iter().all(|&face| face == faces[0]));
+        assert!(top.iter().all(|corners| vector_area(corners).y < 0.0));
+        let (lamp, _) = of(|surface, _| surface.material == LAMP);
+        assert!((area(&lamp) - 130.0 * 105.0).abs() < 1e-9);
     }
 
     #[test]
     fn coloured_walls_look_into_the_room_and_blocks_out_of_themselves() {
-        let (red, green) = (of(RED), of(GREEN));
+        let [(red, faces), (green, _)] =
+            [RED, GREEN].map(|material| of(|surface, _| surface.material == material));
         assert_eq!((red.len(), green.len()), (2, 1));
-        assert_ne!(red[0].face, red[1].face);
-        assert!(red.iter().all(|s| centroid(s).x > 540.0 && vector_area(&s.corners).x < 0.0));
-        assert!(green.iter().all(|s| centroid(s).x == 0.0 && vector_area(&s.corners).x > 0.0));
-        let surfaces = cornell().surfaces;
+        assert_ne!(faces[0], faces[1]);
+        assert!(red.iter().all(|s| centroid(s).x > 540.0 && vector_area(s).x < 0.0));
+        assert!(green.iter().all(|s| centroid(s).x == 0.0 && vector_area(s).x > 0.0));
+        let (surfaces, _) = of(|_, _| true);
         for block in surfaces[surfaces.len() - 10..].chunks(5) {
             let centre = centroid(&block[0]) * DVec3::new(1.0, 0.5, 1.0);
             for wall in block {
-                assert!(vector_area(&wall.corners).dot(centroid(wall) - centre) > 0.0);
+                assert!(vector_area(wall).dot(centroid(wall) - centre) > 0.0);
             }
             // Without a bottom, what remains is the vector area of the top.
-            let whole: DVec3 = block.iter().map(|s| vector_area(&s.corners)).sum();
-            assert!(whole.distance(vector_area(&block[0].corners)) < 1e-8);
+            let whole: DVec3 = block.iter().map(|s| vector_area(s)).sum();
+            assert!(whole.distance(vector_area(&block[0])) < 1e-8);
         }
     }
 }

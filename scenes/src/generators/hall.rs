@@ -107,7 +107,7 @@ mod tests {
     use super::*;
     use crate::generators::builder::at;
     use crate::generators::polygon;
-    use crate::scene::geometry::{area, contains, open_area, volume};
+    use crate::scene::geometry::contains;
     use crate::scene::surface::Surface;
 
     fn of(scene: &Scene, material: usize) -> Vec<&Surface> {
@@ -122,13 +122,14 @@ mod tests {
     fn the_hall_is_closed() {
         let scene = columns();
         assert!(scene.check().is_ok() && scene.closed);
-        assert!(open_area(&scene.surfaces).length() < 1e-10);
+        assert!(scene.open_area().length() < 1e-10);
         let plan = 2.0 * HALF_WIDTH * LENGTH - (2 * BAYS) as f64 * column_area();
-        assert!((volume(&scene.surfaces) / (-plan * HEIGHT) - 1.0).abs() < 1e-12);
-        let floor: f64 = of(&scene, 0).iter().map(|s| area(s)).sum();
+        assert!((scene.volume() / (-plan * HEIGHT) - 1.0).abs() < 1e-12);
+        let floor: f64 = of(&scene, 0).iter().map(|s| scene.area(s)).sum();
         assert!((floor / plan - 1.0).abs() < 1e-12);
-        let ceiling = scene.surfaces.iter().filter(|s| s.corners.iter().all(|p| p.y == HEIGHT));
-        assert!((ceiling.map(area).sum::<f64>() / plan - 1.0).abs() < 1e-12);
+        let high = |s: &&Surface| scene.corners(s).iter().all(|p| p.y == HEIGHT);
+        let ceiling = scene.surfaces.iter().filter(high);
+        assert!((ceiling.map(|s| scene.area(s)).sum::<f64>() / plan - 1.0).abs() < 1e-12);
     }
 
     #[test]
@@ -139,7 +140,8 @@ mod tests {
                 let centre = DVec2::new((bay as f64 + 0.5) * BAY, -ROW);
                 let radius = if k % 2 == 0 { 0.45 } else { 0.51 };
                 let p = centre + radius * DVec2::from_angle(k as f64 * 0.1 + 0.003);
-                let pieces = of(&scene, 0).iter().filter(|s| contains(s, at(p, 0.0))).count();
+                let holds = |s: &&Surface| contains(&scene.corners(s), at(p, 0.0));
+                let pieces = of(&scene, 0).into_iter().filter(holds).count();
                 assert_eq!(pieces, k % 2, "{p}");
             }
         }

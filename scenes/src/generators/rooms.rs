@@ -74,7 +74,7 @@ fn add_walls(builder: &mut Builder, x: f64, materials: [Option<usize>; 4]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::geometry::{area, centroid, is_watertight, open_area, vector_area, volume};
+    use crate::scene::geometry::{centroid, is_watertight, vector_area};
 
     #[test]
     fn the_furnace_is_a_closed_cube_seen_from_inside() {
@@ -82,7 +82,7 @@ mod tests {
         assert!(scene.check().is_ok() && scene.closed);
         assert_eq!(scene.surfaces.len(), 6);
         assert!(is_watertight(&scene.surfaces));
-        assert!((volume(&scene.surfaces) + 1.0).abs() < 1e-15);
+        assert!((scene.volume() + 1.0).abs() < 1e-15);
         let faces: Vec<_> = scene.surfaces.iter().map(|s| s.face).collect();
         assert_eq!(faces, [0, 1, 2, 3, 4, 5]);
     }
@@ -91,18 +91,22 @@ mod tests {
     fn two_rooms_share_a_wall_with_two_sides() {
         let scene = two_rooms();
         assert!(scene.check().is_ok() && scene.closed);
-        let (shared, others): (Vec<_>, Vec<_>) =
+        let (shared, surfaces): (Vec<_>, Vec<_>) =
             scene.surfaces.iter().cloned().partition(|s| s.material == 1);
         assert_eq!((shared.len(), scene.materials[1].two_sided), (1, true));
-        assert!(shared[0].corners.iter().all(|p| p.x == 1.0));
-        assert_eq!(area(&shared[0]), 1.0);
+        assert!(scene.corners(&shared[0]).iter().all(|p| p.x == 1.0));
+        assert_eq!(scene.area(&shared[0]), 1.0);
         // All other walls together are those of one room, twice as long.
-        assert!(open_area(&others).length() < 1e-14);
-        assert!((volume(&others) + 2.0).abs() < 1e-14);
-        assert!((others.iter().map(area).sum::<f64>() - 10.0).abs() < 1e-14);
+        let others = Scene { surfaces, ..scene };
+        assert!(others.open_area().length() < 1e-14);
+        assert!((others.volume() + 2.0).abs() < 1e-14);
+        let area = |s: &_| others.area(s);
+        assert!((others.surfaces.iter().map(area).sum::<f64>() - 10.0).abs() < 1e-14);
         // The light is in the first room.
-        let lamps: Vec<_> = others.iter().filter(|s| s.material == 2).collect();
-        assert!(lamps.iter().all(|s| centroid(s).x < 1.0 && vector_area(&s.corners).y < 0.0));
+        let lamps: Vec<_> = others.surfaces.iter().filter(|s| s.material == 2).collect();
+        let corners = |s: &_| others.corners(s);
+        assert!(lamps.iter().all(|s| centroid(&corners(s)).x < 1.0));
+        assert!(lamps.iter().all(|s| vector_area(&corners(s)).y < 0.0));
         assert!((lamps.iter().map(|s| area(s)).sum::<f64>() - 0.09).abs() < 1e-15);
     }
 }

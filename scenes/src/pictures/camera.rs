@@ -66,8 +66,8 @@ mod tests {
             let material = (0..scene.materials.len()).find(of).expect("a material");
             let surface =
                 scene.surfaces.iter().find(|s| s.material == material).expect("a surface");
-            let count = surface.corners.len() as f64;
-            let to = surface.corners.iter().sum::<DVec3>() / count - camera.eye;
+            let corners = scene.corners(surface);
+            let to = corners.iter().sum::<DVec3>() / corners.len() as f64 - camera.eye;
             let ray = to / camera.forward.dot(to) - camera.forward;
             let from_centre = |axis: DVec3| 0.5 + 0.5 * ray.dot(axis) / axis.length_squared();
             (from_centre(camera.right), from_centre(camera.down))

@@ -127,12 +127,8 @@ impl Lit<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cutting::mesh::Mesh;
-    use crate::pictures::samples::{grid, sheet};
+    use crate::pictures::samples::{grid, scene_of, sheet};
     use crate::pictures::smooth::tests::smoothed;
-    use crate::scene::Scene;
-    use crate::scene::material::Material;
-    use crate::scene::surface::Surface;
     use crate::scene::viewpoint::Viewpoint;
     use std::f64::consts::PI;
 
@@ -166,7 +162,8 @@ mod tests {
             irradiance: &irradiance,
             direct: None,
         };
-        let sight = Sight::new(&elements).expect("finite");
+        let (scene, mesh) = scene_of(&elements);
+        let sight = Sight::new(&scene, &mesh).expect("finite");
         let rows = std::sync::atomic::AtomicUsize::new(0);
         let row_done = || {
             rows.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
@@ -209,7 +206,8 @@ mod tests {
         let values: Vec<Rgb> =
             elements.iter().map(|e| [field(e.surfel().position), 0.0, 0.0]).collect();
         let smooth = smoothed(&elements, &open(), &values);
-        let sight = Sight::new(&elements).expect("finite");
+        let (scene, mesh) = scene_of(&elements);
+        let sight = Sight::new(&scene, &mesh).expect("finite");
         for (k, value) in film().values(&sight, &smooth, || ()).into_iter().enumerate() {
             let place = |index: usize| (index as f64 + 0.5) / SIZE as f64 * 2.0 - 1.0;
             let point = DVec3::new(place(k % SIZE), -place(k / SIZE), 0.0);
@@ -220,24 +218,6 @@ mod tests {
 
     #[test]
     fn lamps_light_pixels_unless_something_hides_them() {
-        let corners = |z: f64, edge: f64| {
-            [[-1.0, -1.0], [-1.0, 1.0], [1.0, 1.0], [1.0, -1.0]]
-                .map(|[x, y]| DVec3::new(edge * x, edge * y, z))
-                .to_vec()
-        };
-        let material = |emission: f64| Material {
-            name: String::new(),
-            reflectance: vec![0.5; 3],
-            emission: vec![emission; 3],
-            temperature: None,
-            two_sided: false,
-        };
-        let surface = |corners, material| Surface { corners, material, face: material as u32 };
-        let scene = Scene {
-            materials: vec![material(0.0), material(8.0)],
-            surfaces: vec![surface(corners(0.0, 1.0), 0), surface(corners(4.0, 0.2), 1)],
-            ..Scene::default()
-        };
         let mut elements =
             grid(DVec3::new(-1.0, -1.0, 0.0), 2.0 * DVec3::X, 2.0 * DVec3::Y, [1, 1], 0);
         elements.extend(grid(
@@ -248,10 +228,10 @@ mod tests {
             1,
         ));
         let emission = [[0.0; 3], [8.0; 3]];
-        let mesh = Mesh { elements, origin: vec![0, 1], ..Mesh::default() };
+        let (scene, mesh) = scene_of(&elements);
         let lamps = Lamps::new(&scene, &mesh, &emission, RAYS);
         let irradiance = smoothed(&mesh.elements, &open(), &[[0.0; 3]; 2]);
-        let sight = Sight::new(&mesh.elements).expect("finite");
+        let sight = Sight::new(&scene, &mesh).expect("finite");
         // Over the left half of the floor.
         let cover = sheet(DVec3::new(-2.0, -2.0, 0.01), 2.0 * DVec3::X, 4.0 * DVec3::Y, 9);
         let cover = Occluders::new(&cover).expect("finite");

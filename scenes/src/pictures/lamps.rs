@@ -7,9 +7,9 @@ use farfield_radiosity::{Occluders, Patch};
 use glam::DVec3;
 
 use crate::cutting::mesh::Mesh;
+use crate::cutting::pieces::{Cuts, pieces};
 use crate::pictures::tone::Rgb;
 use crate::scene::Scene;
-use crate::scene::geometry::area;
 use crate::scene::material::Material;
 
 /// Whether light straight from emitting surfaces is better gathered per pixel: it has sharp shadows
@@ -19,8 +19,8 @@ pub fn direct_light_by_pixel(scene: &Scene) -> bool {
     let shines = |index: usize| scene.materials.get(index).is_some_and(emits);
     let lamps = || scene.surfaces.iter().filter(|surface| shines(surface.material));
     let points = scene.points.iter().map(|point| point.area).sum::<f64>();
-    let whole = scene.surfaces.iter().map(area).sum::<f64>() + points;
-    let emitting: f64 = lamps().map(area).sum();
+    let whole = scene.surfaces.iter().map(|s| scene.area(s)).sum::<f64>() + points;
+    let emitting: f64 = lamps().map(|s| scene.area(s)).sum();
     (1..=MOST_LAMPS).contains(&lamps().count())
         && emitting < MOST_AREA * whole
         && !scene.points.iter().any(|point| shines(point.material))
@@ -59,7 +59,7 @@ impl Lamps {
                 continue;
             }
             let surface = scene.surfaces.get(origin as usize);
-            let whole = surface.and_then(|surface| turned_to(normal, &surface.corners).ok());
+            let whole = surface.and_then(|surface| turned_to(normal, &scene.corners(surface)).ok());
             if whole.is_some() {
                 sides.push(normal);
             }
@@ -71,7 +71,7 @@ impl Lamps {
         let whole: f64 = lamps.iter().map(|(lamp, ..)| lamp.area()).sum();
         let pieces = lamps.iter().flat_map(|&(lamp, exitance, face)| {
             let count = (PIECES * lamp.area() / whole).max(LEAST_PIECES);
-            let pieces = cut(lamp.corners(), counts(lamp.corners(), count)).into_iter();
+            let pieces = pieces(lamp.corners(), counts(lamp.corners(), count)).into_iter();
             pieces.filter_map(move |corners| Piece::new(&corners, exitance, face, rays))
         });
         Self { pieces: pieces.collect(), turns: rays * rays }
@@ -126,7 +126,7 @@ impl Piece {
         let patch = Patch::new(corners).ok()?;
         let reach = |from: &DVec3| corners.iter().map(|to| from.distance(*to)).fold(0.0, f64::max);
         let extent = corners.iter().map(reach).fold(0.0, f64::max);
-        let parts = cut(corners, [rays, rays]);
+        let parts = pieces(corners, [rays as u32; 2]);
         let points =
             parts.iter().map(|part| part.iter().sum::<DVec3>() / part.len() as f64).collect();
         Some(Self { patch, centroid: patch.centroid(), extent, exitance, face, points })
@@ -164,46 +164,18 @@ fn turned_to(normal: DVec3, corners: &[DVec3]) -> Result<Patch, farfield_radiosi
 }
 
 /// Into how many parts along its two directions a lamp is cut, for about `count` in all.
-fn counts(corners: &[DVec3], count: f64) -> [usize; 2] {
-    let &[a, b, c, d] = corners else { return [(count.sqrt().round() as usize).max(1); 2] };
+fn counts(corners: &[DVec3], count: f64) -> Cuts {
+    let &[a, b, c, d] = corners else { return [(count.sqrt().round() as u32).max(1); 2] };
     let (u, v) = (a.distance(b) + d.distance(c), a.distance(d) + b.distance(c));
     let along = (count * u / v).sqrt().round().clamp(1.0, count);
-    [along as usize, (count / along).round().max(1.0) as usize]
-}
-
-/// A quadrangle in nu × nv parts, a triangle in nu² equal ones.
-fn cut(corners: &[DVec3], [nu, nv]: [usize; 2]) -> Vec<Vec<DVec3>> {
-    match *corners {
-        [a, b, c, d] => {
-            let corner = |i: usize, j: usize| {
-                let (s, t) = (i as f64 / nu as f64, j as f64 / nv as f64);
-                a.lerp(b, s).lerp(d.lerp(c, s), t)
-            };
-            let part = |(i, j)| {
-                [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)].map(|(i, j)| corner(i, j)).to_vec()
-            };
-            (0..nu).flat_map(|i| (0..nv).map(move |j| (i, j))).map(part).collect()
-        }
-        [a, b, c] => {
-            let corner =
-                |i: usize, j: usize| a + ((b - a) * i as f64 + (c - a) * j as f64) / nu as f64;
-            let upright = (0..nu).flat_map(|i| (0..nu - i).map(move |j| (i, j)));
-            let reversed = (1..nu).flat_map(|i| (1..=nu - i).map(move |j| (i, j)));
-            let upright =
-                upright.map(|(i, j)| vec![corner(i, j), corner(i + 1, j), corner(i, j + 1)]);
-            let reversed =
-                reversed.map(|(i, j)| vec![corner(i, j), corner(i - 1, j), corner(i, j - 1)]);
-            upright.chain(reversed).collect()
-        }
-        _ => Vec::new(),
-    }
+    [along as u32, (count / along).round().max(1.0) as u32]
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::pictures::samples::{grid, sheet};
-    use crate::scene::surface::{ScenePoint, Surface};
+    use crate::scene::surface::ScenePoint;
     use farfield_radiosity::Element;
 
     const UP: DVec3 = DVec3::Z;
@@ -223,16 +195,11 @@ mod tests {
         let floor = [[-5.0, -5.0], [5.0, -5.0], [5.0, 5.0], [-5.0, 5.0]];
         let lamp = [[0.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, 0.0]];
         let at = |z: f64| move |[x, y]: [f64; 2]| DVec3::new(x, y, z);
-        let surface = |corners: [DVec3; 4], material: usize| Surface {
-            corners: corners.to_vec(),
-            material,
-            face: material as u32,
-        };
-        Scene {
-            materials: vec![material(0.0), material(3.0)],
-            surfaces: vec![surface(floor.map(at(0.0)), 0), surface(lamp.map(at(1.0)), 1)],
-            ..Scene::default()
-        }
+        let materials = vec![material(0.0), material(3.0)];
+        let mut scene = Scene { materials, ..Scene::default() };
+        scene.add(&floor.map(at(0.0)), 0, 0);
+        scene.add(&lamp.map(at(1.0)), 1, 1);
+        scene
     }
 
     fn lamps() -> Lamps {
@@ -274,16 +241,10 @@ mod tests {
     }
 
     #[test]
-    fn parts_have_the_area_of_the_whole() {
+    fn parts_are_nearly_square() {
         let corners = [DVec3::ZERO, 3.0 * DVec3::X, DVec3::new(3.0, 1.0, 0.0), DVec3::Y];
         assert_eq!(counts(&corners, 16.0), [7, 2]);
-        for (corners, parts) in [(&corners[..], 14), (&corners[..3], 49)] {
-            let parts_found = cut(corners, [7, 2]);
-            assert_eq!(parts_found.len(), parts);
-            let area = |corners: &[DVec3]| Patch::new(corners).expect("flat").area();
-            let sum: f64 = parts_found.iter().map(|part| area(part)).sum();
-            assert!((sum - area(corners)).abs() < 1e-12);
-        }
+        assert_eq!(counts(&corners[..3], 16.0), [4, 4]);
     }
 
     #[test]
@@ -294,7 +255,7 @@ mod tests {
         many.surfaces.extend(vec![many.surfaces[1].clone(); 8]);
         assert!(!direct_light_by_pixel(&many));
         let mut large = scene();
-        large.surfaces[1].corners.iter_mut().for_each(|corner| *corner *= 4.0);
+        large.vertices[4..].iter_mut().for_each(|corner| *corner *= 4.0);
         assert!(!direct_light_by_pixel(&large));
         let mut warm = scene();
         warm.materials[0].temperature = Some(300.0);

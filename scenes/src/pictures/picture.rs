@@ -5,7 +5,6 @@ use std::f64::consts::FRAC_1_PI;
 use farfield_radiosity::{Error, Occluders};
 
 use crate::cutting::fields::Fields;
-use crate::cutting::mesh::Mesh;
 use crate::pictures::camera::Camera;
 use crate::pictures::film::{Film, Lit, RAYS};
 use crate::pictures::lamps::Lamps;
@@ -14,7 +13,7 @@ use crate::pictures::sight::Sight;
 use crate::pictures::smooth::Smooth;
 use crate::pictures::tone::{Rgb, ToneMap, colour};
 use crate::pictures::view::View;
-use crate::scene::{STEFAN_BOLTZMANN, Scene};
+use crate::scene::STEFAN_BOLTZMANN;
 
 /// A picture and the colours of elements.
 #[derive(Clone, Debug)]
@@ -36,10 +35,9 @@ impl Picture {
     /// worth it where [`direct_light_by_pixel`](crate::direct_light_by_pixel) says so. `progress` is told the fraction done.
     ///
     /// # Errors
-    /// [`Error::LengthMismatch`] unless the fields match the mesh, or those of [`Occluders::new`].
+    /// [`Error::LengthMismatch`] unless the fields match the mesh.
     pub fn of_light(
-        scene: &Scene,
-        mesh: &Mesh,
+        sight: &Sight,
         fields: &Fields,
         shadows: &Occluders,
         indirect: Option<&[f64]>,
@@ -51,16 +49,15 @@ impl Picture {
             ("emission", &fields.emission),
             ("irradiance", irradiance),
         ] {
-            check(what, field, mesh, fields.bands)?;
+            check(what, field, sight, fields.bands)?;
         }
         let of =
             |field: &[f64]| -> Vec<Rgb> { field.chunks(fields.bands.max(1)).map(colour).collect() };
-        let sight = Sight::new(&mesh.elements)?;
-        let walls = Occluders::new(&mesh.triangles)?;
-        let View { place, backs, repair } = View::new(scene, &sight);
+        let Sight { scene, mesh, .. } = *sight;
+        let View { place, backs, repair } = View::new(scene, sight);
         let film = Film { camera: Camera::at(&place), backs, size: Self::SIZE };
         let emission = of(&fields.emission);
-        let irradiance = Smooth::new(&mesh.elements, &sight, &walls, &of(irradiance));
+        let irradiance = Smooth::new(&mesh.elements, sight, sight.occluders(), &of(irradiance));
         let lamps = Lamps::new(scene, mesh, &emission, RAYS);
         let reflectance: Vec<Rgb> = mesh
             .material
@@ -74,7 +71,7 @@ impl Picture {
             irradiance: &irradiance,
             direct: indirect.map(|_| (&lamps, shadows)),
         };
-        let values = film.radiances(&sight, &lit, rows_done(&progress));
+        let values = film.radiances(sight, &lit, rows_done(&progress));
         let tone = ToneMap::exposing(&values);
         let codes = values.iter().map(|radiance| tone.code(radiance)).collect();
         let radiosity = of(&fields.radiosity);
@@ -86,24 +83,21 @@ impl Picture {
     /// fraction done.
     ///
     /// # Errors
-    /// [`Error::LengthMismatch`] unless the fields match the mesh, or those of [`Occluders::new`].
+    /// [`Error::LengthMismatch`] unless the fields match the mesh.
     pub fn of_heat(
-        scene: &Scene,
-        mesh: &Mesh,
+        sight: &Sight,
         fields: &Fields,
         progress: impl Fn(f64) + Sync,
     ) -> Result<Self, Error> {
-        check("radiosity", &fields.radiosity, mesh, fields.bands)?;
-        let sight = Sight::new(&mesh.elements)?;
-        let walls = Occluders::new(&mesh.triangles)?;
-        let View { place, backs, repair } = View::new(scene, &sight);
+        check("radiosity", &fields.radiosity, sight, fields.bands)?;
+        let View { place, backs, repair } = View::new(sight.scene, sight);
         let film = Film { camera: Camera::at(&place), backs, size: Self::SIZE };
         let temperature = |b: &f64| (b / STEFAN_BOLTZMANN).max(0.0).powf(0.25);
         let first = fields.radiosity.iter().step_by(fields.bands.max(1));
         let temperatures: Vec<f64> = first.map(temperature).collect();
         let held: Vec<Rgb> = temperatures.iter().map(|&t| [t; 3]).collect();
-        let field = Smooth::new(&mesh.elements, &sight, &walls, &held);
-        let values = film.values(&sight, &field, rows_done(&progress));
+        let field = Smooth::new(&sight.mesh.elements, sight, sight.occluders(), &held);
+        let values = film.values(sight, &field, rows_done(&progress));
         let range = palette::range(values.iter().flatten().copied());
         let codes = palette::picture(&values, Self::SIZE, &range);
         let elements = temperatures.iter().map(|&t| palette::code(t, &range)).collect();
@@ -116,8 +110,8 @@ impl Picture {
 }
 
 /// Checks that there is a number for every element and band of a mesh.
-fn check(what: &'static str, field: &[f64], mesh: &Mesh, bands: usize) -> Result<(), Error> {
-    let (expected, found) = (mesh.elements.len() * bands.max(1), field.len());
+fn check(what: &'static str, field: &[f64], sight: &Sight, bands: usize) -> Result<(), Error> {
+    let (expected, found) = (sight.mesh.elements.len() * bands.max(1), field.len());
     if found == expected { Ok(()) } else { Err(Error::LengthMismatch { what, expected, found }) }
 }
 

@@ -3,6 +3,11 @@
 use farfield_radiosity::{Element, Patch, Triangle};
 use glam::DVec3;
 
+use crate::cutting::mesh::Mesh;
+use crate::scene::Scene;
+use crate::scene::material::Material;
+use crate::scene::surface::ScenePoint;
+
 /// The parallelogram at `origin` along `u` and `v` in `counts` cells, with its front towards u × v.
 pub(crate) fn grid(
     origin: DVec3,
@@ -19,6 +24,24 @@ pub(crate) fn grid(
         Element::patch(Patch::new(&corners).expect("a parallelogram"), face)
     };
     (0..nu * nv).map(cell).collect()
+}
+
+/// The scene in which each of these patches, or disks, is a surface or a point of its own, and its mesh.
+pub(crate) fn scene_of(elements: &[Element]) -> (Scene, Mesh) {
+    let mut scene = Scene { materials: vec![Material::grey()], ..Scene::default() };
+    for element in elements {
+        let surfel = element.surfel();
+        let (position, normal, area) = (surfel.position, surfel.normal, surfel.area);
+        match element.as_patch() {
+            Some(patch) => scene.add(patch.corners(), 0, surfel.face),
+            None => scene.points.push(ScenePoint { position, normal, area, material: 0 }),
+        }
+    }
+    let mesh = match elements {
+        [] => Mesh::default(),
+        _ => Mesh::with_cuts(&scene, &vec![[1, 1]; scene.surfaces.len()]).expect("valid"),
+    };
+    (scene, mesh)
 }
 
 /// A parallelogram as triangles.

@@ -2,20 +2,25 @@
 
 use std::collections::HashMap;
 
-use farfield_radiosity::{Element, Error, Occluders, Surfel, Triangle};
+use farfield_radiosity::{Element, Error, Occluders, Surfel};
 use glam::{DVec2, DVec3};
 
-use crate::scene::geometry::{fan, regular_polygon};
+use crate::cutting::mesh::{Mesh, Whole};
+use crate::cutting::pieces::{parameters, piece_at, piece_count};
+use crate::scene::Scene;
+use crate::scene::geometry::{regular_polygon, vector_area};
+use crate::scene::weld::Weld;
 
-/// The elements of a mesh as rays meet them.
+/// A mesh as rays meet it, with the one tree of its occluders that serves sums and pictures alike.
 #[derive(Clone, Debug)]
-pub(crate) struct Sight<'a> {
-    elements: &'a [Element],
-    triangles: Occluders,
-    /// The element of each triangle.
-    owners: Vec<u32>,
-    /// For each element, the one that has the same corners and looks the other way.
-    backs: Vec<Option<u32>>,
+pub struct Sight<'a> {
+    /// The scene.
+    pub(crate) scene: &'a Scene,
+    /// What it is cut into.
+    pub(crate) mesh: &'a Mesh,
+    occluders: Occluders,
+    /// For each surface and point, the one that has the same corners and looks the other way.
+    backs: Vec<Option<usize>>,
 }
 
 /// A point of an element's front.
@@ -25,9 +30,7 @@ pub(crate) struct Seen {
     pub(crate) element: usize,
     /// Where it was hit.
     pub(crate) position: DVec3,
-    /// Where that is on the element: its patch's corners 0, 1, 2, 3 are at (0, 0), (1, 0), (1, 1),
-    /// (0, 1). A triangle's corner 2 is the whole edge v = 1, so that what is bilinear in these is
-    /// linear on it. The centre if it is a disk.
+    /// Where that is on the element, as [`parameters`] says; the centre if it is a disk.
     pub(crate) parameters: DVec2,
 }
 
@@ -41,24 +44,29 @@ pub(crate) enum Backs {
 }
 
 impl<'a> Sight<'a> {
-    /// The elements, patches as they are and disks as octagons of their area.
+    /// The occluders of a scene and of its mesh: surfaces as wholes, not in their elements, and hexagons
+    /// for points.
     ///
     /// # Errors
-    /// Those of [`Occluders::new`].
-    pub(crate) fn new(elements: &'a [Element]) -> Result<Self, Error> {
-        let backs = backs(elements);
-        let (mut triangles, mut owners) = (Vec::new(), Vec::new());
-        for (index, element) in elements.iter().enumerate() {
-            // Of a sheet's two sides, either stands for both.
-            if backs[index].is_some_and(|other| (other as usize) < index) {
-                continue;
-            }
-            for vertices in fan(&outline(element)) {
-                triangles.push(Triangle { vertices, face: index as u32 });
-                owners.push(index as u32);
+    /// [`Error::LengthMismatch`] unless the mesh is of this scene, or those of [`Occluders::new`].
+    pub fn new(scene: &'a Scene, mesh: &'a Mesh) -> Result<Self, Error> {
+        let elements = mesh.origin.len();
+        for (what, expected, found) in [
+            ("surfaces and points", scene.surfaces.len() + scene.points.len(), mesh.wholes.len()),
+            ("elements", elements, mesh.elements.len()),
+            ("materials of elements", elements, mesh.material.len()),
+            ("triangles", mesh.owners.len(), mesh.triangles.len()),
+        ] {
+            if found != expected {
+                return Err(Error::LengthMismatch { what, expected, found });
             }
         }
-        Ok(Self { elements, triangles: Occluders::new(&triangles)?, owners, backs })
+        Ok(Self { scene, mesh, occluders: Occluders::new(&mesh.triangles)?, backs: backs(scene) })
+    }
+
+    /// Everything that can hide one point from another.
+    pub fn occluders(&self) -> &Occluders {
+        &self.occluders
     }
 
     /// The first point of an element's front that a ray meets; none if it meets nothing, or a back at
@@ -69,7 +77,8 @@ impl<'a> Sight<'a> {
         for _ in 0..MOST_BACKS {
             let (element, position) = self.meet(start, direction)?;
             if let Some(element) = element {
-                let parameters = parameters(&self.elements[element], position);
+                let patch = self.mesh.elements[element].as_patch();
+                let parameters = parameters(patch.map_or(&[], |patch| patch.corners()), position);
                 return Some(Seen { element, position, parameters });
             }
             if through == Backs::Opaque {
@@ -95,12 +104,32 @@ impl<'a> Sight<'a> {
 
     /// Where a ray of unit direction first meets an element, and which one if it is the front.
     fn meet(&self, origin: DVec3, direction: DVec3) -> Option<(Option<usize>, DVec3)> {
-        let hit = self.triangles.first_hit(origin, direction)?;
-        let one = self.owners[hit.triangle] as usize;
-        let sides = [Some(one), self.backs[one].map(|other| other as usize)];
-        let faces = |&side: &usize| self.elements[side].surfel().normal.dot(direction) < 0.0;
-        let front = sides.into_iter().flatten().find(faces);
-        Some((front, origin + hit.distance * direction))
+        let hit = self.occluders.first_hit(origin, direction)?;
+        let position = origin + hit.distance * direction;
+        let one = self.mesh.owners[hit.triangle] as usize;
+        let mut wholes = [Some(one), self.backs[one]].into_iter().flatten();
+        let front = wholes.find_map(|whole| self.front(whole, position, direction));
+        Some((front, position))
+    }
+
+    /// The element of a surface or a point at a position on it, if a ray of this direction meets its
+    /// front there.
+    fn front(&self, whole: usize, position: DVec3, direction: DVec3) -> Option<usize> {
+        let Whole { first, cuts } = self.mesh.wholes[whole];
+        let (number, count) = match self.scene.surfaces.get(whole) {
+            Some(surface) if cuts != [1, 1] => {
+                let corners = self.scene.corners(surface);
+                let at = parameters(&corners, position);
+                (piece_at(corners.len(), cuts, at)?, piece_count(corners.len(), cuts))
+            }
+            _ => (0, 1),
+        };
+        // The backs of a surface of two sides follow its fronts.
+        let faces = |&side: &usize| {
+            let own = self.mesh.origin.get(side).is_some_and(|&origin| origin as usize == whole);
+            own && self.mesh.elements[side].surfel().normal.dot(direction) < 0.0
+        };
+        [first + number, first + count + number].into_iter().find(faces)
     }
 }
 
@@ -121,64 +150,71 @@ const SLANT: f64 = 2.0;
 /// How many backs a ray goes through before it counts as lost.
 const MOST_BACKS: usize = 1000;
 
-/// For each element, the first with the same corners and the opposite normal.
-fn backs(elements: &[Element]) -> Vec<Option<u32>> {
-    let key = |element: &Element| {
-        let centre = [element.surfel().position];
-        let corners = element.as_patch().map_or(&centre[..], |patch| patch.corners());
-        // Adding 0 makes the two zeros one.
-        let mut key: Vec<_> =
-            corners.iter().map(|c| c.to_array().map(|x| (x + 0.0).to_bits())).collect();
+/// For each surface and point, the first with the same corners and the opposite normal.
+fn backs(scene: &Scene) -> Vec<Option<usize>> {
+    let mut weld = Weld::default();
+    let mut places: HashMap<_, Vec<usize>> = HashMap::with_capacity(scene.surfaces.len());
+    let mut normals = Vec::with_capacity(scene.surfaces.len());
+    let surfaces = scene.surfaces.iter().map(|surface| {
+        let corners = scene.corners(surface);
+        let normal = vector_area(&corners).normalize_or_zero();
+        (corners, normal)
+    });
+    let points = scene.points.iter().map(|point| (vec![point.position], point.normal));
+    for (index, (corners, normal)) in surfaces.chain(points).enumerate() {
+        let mut key: Vec<_> = corners.into_iter().map(|corner| weld.vertex(corner)).collect();
         key.sort_unstable();
-        key
-    };
-    let mut places: HashMap<_, Vec<u32>> = HashMap::with_capacity(elements.len());
-    for (index, element) in elements.iter().enumerate() {
-        places.entry(key(element)).or_default().push(index as u32);
+        places.entry(key).or_default().push(index);
+        normals.push(normal);
     }
-    let mut backs = vec![None; elements.len()];
+    let mut backs = vec![None; normals.len()];
     for place in places.values() {
         for &index in place {
-            let normal = |index: u32| elements[index as usize].surfel().normal;
-            let opposite = |&&other: &&u32| normal(other).dot(normal(index)) < -0.5;
-            backs[index as usize] = place.iter().find(opposite).copied();
+            let opposite = |&&other: &&usize| normals[other].dot(normals[index]) < -0.5;
+            backs[index] = place.iter().find(opposite).copied();
         }
     }
     backs
 }
 
-/// See [`Seen::parameters`]: the inverse of p = a + u e + v f + uv g, in which a triangle's last corner
-/// stands twice.
-fn parameters(element: &Element, position: DVec3) -> DVec2 {
-    let Some(patch) = element.as_patch() else { return DVec2::splat(0.5) };
-    let (a, b, c) = (patch.corners()[0], patch.corners()[1], patch.corners()[2]);
-    let d = patch.corners().get(3).copied().unwrap_or(c);
-    let (e, f, g, h) = (b - a, d - a, a - b + c - d, position - a);
-    // (h - v f) × (e + v g) = 0 is quadratic in v.
-    let cross = |p: DVec3, q: DVec3| patch.normal().dot(p.cross(q));
-    let [constant, linear, square] = [cross(h, e), cross(h, g) + cross(e, f), cross(g, f)];
-    let root = (linear * linear - 4.0 * constant * square).max(0.0).sqrt();
-    let v = unit(-2.0 * constant / (linear + root));
-    let along = e + v * g;
-    DVec2::new(unit((h - v * f).dot(along) / along.length_squared()), v)
-}
-
-/// Within [0, 1]; 0 if the corner is one where any value will do.
-fn unit(x: f64) -> f64 {
-    if x.is_nan() { 0.0 } else { x.clamp(0.0, 1.0) }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pictures::samples::grid;
+    use crate::generators::{GENERATORS, generate};
+    use crate::pictures::samples::{grid, scene_of};
     use farfield_radiosity::Patch;
+
+    #[test]
+    fn every_element_of_every_scene_is_seen_at_its_centre() {
+        for name in GENERATORS {
+            let scene = generate(name).expect("listed");
+            let mesh = Mesh::new(&scene, 10_000).expect("valid");
+            let sight = Sight::new(&scene, &mesh).expect("its own mesh");
+            for (index, element) in mesh.elements.iter().enumerate() {
+                let surfel = element.surfel();
+                let above = surfel.position + 1e-3 * element.radius() * surfel.normal;
+                let seen = sight.first(above, -surfel.normal, Backs::Opaque).expect("hit");
+                assert_eq!(seen.element, index, "{name}");
+                assert!(seen.parameters.distance(DVec2::splat(0.5)) < 0.2, "{name} {seen:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn meshes_of_other_scenes_are_refused() {
+        let [scene, other] = ["furnace", "cornell"].map(|name| generate(name).expect("listed"));
+        let mesh = Mesh::new(&scene, 100).expect("valid");
+        assert!(Sight::new(&other, &mesh).is_err());
+        let short = Mesh { elements: Vec::new(), ..mesh.clone() };
+        assert!(Sight::new(&scene, &short).is_err() && Sight::new(&scene, &mesh).is_ok());
+    }
 
     #[test]
     fn every_cell_is_hit_at_its_own_parameters() {
         let (u, v) = (DVec3::new(3.0, 0.0, 1.0), DVec3::new(1.0, 2.0, 0.0));
         let elements = grid(DVec3::ZERO, u, v, [4, 3], 0);
-        let sight = Sight::new(&elements).expect("finite");
+        let (scene, mesh) = scene_of(&elements);
+        let sight = Sight::new(&scene, &mesh).expect("finite");
         for (index, element) in elements.iter().enumerate() {
             let corners = element.as_patch().expect("a patch").corners();
             for (s, t) in [(0.5, 0.5), (0.2, 0.9), (0.9, 0.2), (0.01, 0.02)] {
@@ -203,7 +239,9 @@ mod tests {
         let back = Element::patch(patch([b, a, c]), 1);
         let first = |elements: &[Element], from: f64, through| {
             let origin = DVec3::new(0.2, 0.3, from);
-            let seen = Sight::new(elements).expect("finite").first(origin, -from * up, through);
+            let (scene, mesh) = scene_of(elements);
+            let sight = Sight::new(&scene, &mesh).expect("finite");
+            let seen = sight.first(origin, -from * up, through);
             seen.map(|seen| (seen.element, seen.parameters))
         };
         let sheet = [lower, front, back];
@@ -234,8 +272,8 @@ mod tests {
         ];
         let below = grid(z, y, x, [1, 1], 1);
         let buried = |parts: &[Vec<Element>], point: DVec3| {
-            let elements = parts.concat();
-            Sight::new(&elements).expect("finite").is_buried(point, z)
+            let (scene, mesh) = scene_of(&parts.concat());
+            Sight::new(&scene, &mesh).expect("finite").is_buried(point, z)
         };
         let block = [vec![floor.clone(), roof.clone()], sides.to_vec()].concat();
         let (under, beside) = (0.5 * (x + y), 1.5 * x);
@@ -248,8 +286,8 @@ mod tests {
     fn a_disk_is_hit_at_its_centre() {
         let normal = DVec3::new(1.0, 2.0, 2.0) / 3.0;
         let disk = Surfel { position: DVec3::ONE, normal, area: 2.0, face: 0 };
-        let elements = [Element::disk(disk)];
-        let sight = Sight::new(&elements).expect("finite");
+        let (scene, mesh) = scene_of(&[Element::disk(disk)]);
+        let sight = Sight::new(&scene, &mesh).expect("finite");
         let seen = sight.first(DVec3::ONE + normal, -normal, Backs::Opaque).expect("hit");
         assert_eq!((seen.element, seen.parameters), (0, DVec2::splat(0.5)));
     }

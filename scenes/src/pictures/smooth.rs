@@ -167,7 +167,7 @@ fn smooth_step([low, high]: [f64; 2], x: f64) -> f64 {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use crate::pictures::samples::{grid, sheet};
+    use crate::pictures::samples::{grid, scene_of, sheet};
     use farfield_radiosity::{Surfel, Triangle};
 
     /// What every element has if the field is `field`, which must be linear on each.
@@ -182,7 +182,8 @@ pub(crate) mod tests {
 
     /// The field on elements with these occluders.
     pub(crate) fn smoothed(elements: &[Element], occluders: &Occluders, values: &[Rgb]) -> Smooth {
-        let sight = Sight::new(elements).expect("finite");
+        let (scene, mesh) = scene_of(elements);
+        let sight = Sight::new(&scene, &mesh).expect("finite");
         Smooth::new(elements, &sight, occluders, values)
     }
 

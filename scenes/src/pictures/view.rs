@@ -63,7 +63,7 @@ const FILM_OVER_FOCAL: f64 = 0.7;
 
 /// A viewpoint from which the sphere around the scene's bounding box just fits into the picture.
 fn from_outside(scene: &Scene) -> Viewpoint {
-    let corners = scene.surfaces.iter().flat_map(|surface| surface.corners.iter().copied());
+    let corners = scene.surfaces.iter().flat_map(|surface| scene.corners(surface));
     let points = corners.chain(scene.points.iter().map(|point| point.position));
     let [low, high] = points
         .fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[low, high], p| [low.min(p), high.max(p)]);
@@ -81,14 +81,14 @@ mod tests {
     use super::*;
     use crate::cutting::mesh::Mesh;
     use crate::generators::{GENERATORS, generate};
-    use crate::scene::surface::Surface;
 
     #[test]
     fn all_of_a_scene_without_a_camera_is_in_the_picture() {
-        let corners = vec![DVec3::ZERO, DVec3::new(9.0, 1.0, 0.0), DVec3::new(3.0, -4.0, 7.0)];
-        let surface = Surface { corners: corners.clone(), material: 0, face: 0 };
-        let scene = Scene { surfaces: vec![surface], ..Scene::default() };
-        let nothing = Sight::new(&[]).expect("finite");
+        let corners = [DVec3::ZERO, DVec3::new(9.0, 1.0, 0.0), DVec3::new(3.0, -4.0, 7.0)];
+        let mut scene = Scene::default();
+        scene.add(&corners, 0, 0);
+        let (empty, no_mesh) = (Scene::default(), Mesh::default());
+        let nothing = Sight::new(&empty, &no_mesh).expect("finite");
         let view = View::new(&scene, &nothing);
         assert_eq!((view.backs, view.repair), (Backs::Transparent, None));
         let camera = Camera::at(&view.place);
@@ -101,7 +101,7 @@ mod tests {
                 assert!(ray.dot(axis).abs() < axis.length_squared());
             }
         }
-        assert!(View::new(&Scene::default(), &nothing).place.eye.is_finite());
+        assert!(View::new(&empty, &nothing).place.eye.is_finite());
     }
 
     #[test]
@@ -109,7 +109,7 @@ mod tests {
         for name in GENERATORS {
             let scene = generate(name).expect("listed");
             let mesh = Mesh::new(&scene, 1_000).expect("valid");
-            let sight = Sight::new(&mesh.elements).expect("finite");
+            let sight = Sight::new(&scene, &mesh).expect("finite");
             let place = scene.camera.expect("generated");
             let expected = View { place, backs: Backs::Opaque, repair: None };
             assert_eq!(View::new(&scene, &sight), expected, "{name}");
@@ -120,7 +120,7 @@ mod tests {
     fn a_camera_in_a_wall_or_behind_it_is_replaced() {
         let generated = generate("cornell").expect("listed");
         let mesh = Mesh::new(&generated, 1_000).expect("valid");
-        let sight = Sight::new(&mesh.elements).expect("finite");
+        let sight = Sight::new(&generated, &mesh).expect("finite");
         let own = generated.camera.expect("published");
         let centre = DVec3::new(278.0, 273.0, 280.0);
         let in_block = DVec3::new(186.0, 80.0, 168.0);

@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use crate::scene::geometry::vector_area;
+use crate::scene::surface::Surface;
 
 /// What was done to the orientation of a mesh.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -15,11 +16,11 @@ pub(crate) struct Oriented {
 
 /// Turns faces until neighbours agree.
 ///
-/// Faces are lists of vertices; two that share an edge, and no third does, are neighbours and agree if
-/// they run along it in opposite directions. A component that agrees already is left alone, since it
+/// Two faces that share an edge, and no third does, are neighbours and agree if they run along it in
+/// opposite directions. A component that agrees already is left alone, since it
 /// may well be a room seen from inside. Otherwise it is made to look outwards if it is closed; if it is
 /// open, the fewer faces are turned.
-pub(crate) fn orient(vertices: &[DVec3], faces: &mut [Vec<u32>]) -> Oriented {
+pub(crate) fn orient(vertices: &[DVec3], faces: &mut [Surface]) -> Oriented {
     let edges = Edges::new(faces);
     let mut turn: Vec<Option<bool>> = vec![None; faces.len()];
     let mut report = Oriented::default();
@@ -38,10 +39,10 @@ pub(crate) fn orient(vertices: &[DVec3], faces: &mut [Vec<u32>]) -> Oriented {
             continue;
         }
         let invert = if component.closed {
-            let origin = vertices[faces[seed][0] as usize];
+            let origin = vertices[faces[seed].corners[0] as usize];
             let volume = |&face: &usize| {
-                let corners: Vec<_> =
-                    faces[face].iter().map(|&v| vertices[v as usize] - origin).collect();
+                let corners = faces[face].corners.iter();
+                let corners: Vec<_> = corners.map(|&v| vertices[v as usize] - origin).collect();
                 let volume = vector_area(&corners).dot(corners[0]);
                 if of(face) { -volume } else { volume }
             };
@@ -50,7 +51,7 @@ pub(crate) fn orient(vertices: &[DVec3], faces: &mut [Vec<u32>]) -> Oriented {
             2 * flips > component.faces.len()
         };
         for &face in component.faces.iter().filter(|&&face| of(face) != invert) {
-            faces[face].reverse();
+            faces[face].corners.reverse();
             report.turned += 1;
         }
     }
@@ -77,9 +78,9 @@ struct Edges {
 }
 
 impl Edges {
-    fn new(faces: &[Vec<u32>]) -> Self {
+    fn new(faces: &[Surface]) -> Self {
         let mut sides = Vec::with_capacity(3 * faces.len());
-        for (face, corners) in faces.iter().enumerate() {
+        for (face, Surface { corners, .. }) in faces.iter().enumerate() {
             for (&a, &b) in corners.iter().zip(corners.iter().cycle().skip(1)) {
                 sides.push(Side { edge: [a.min(b), a.max(b)], face, forward: a < b });
             }
@@ -143,6 +144,7 @@ impl Component {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::Scene;
 
     const TETRAHEDRON: [[u32; 3]; 4] = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
 
@@ -150,41 +152,34 @@ mod tests {
         vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z]
     }
 
-    fn lists(faces: &[[u32; 3]]) -> Vec<Vec<u32>> {
-        faces.iter().map(|face| face.to_vec()).collect()
-    }
-
-    fn volume(faces: &[Vec<u32>]) -> f64 {
-        let p = vertices();
-        let part = |f: &Vec<u32>| {
-            let [a, b, c] = [0, 1, 2].map(|k| p[f[k] as usize]);
-            a.dot(b.cross(c)) / 6.0
-        };
-        faces.iter().map(part).sum()
+    fn surfaces(faces: &[[u32; 3]]) -> Vec<Surface> {
+        let surface = |face: &[u32; 3]| Surface { corners: face.to_vec(), material: 0, face: 0 };
+        faces.iter().map(surface).collect()
     }
 
     #[test]
     fn turned_faces_of_a_closed_mesh_are_turned_back_outwards() {
         for mask in 1..15u32 {
-            let mut faces = lists(&TETRAHEDRON);
+            let mut faces = surfaces(&TETRAHEDRON);
             for (k, face) in faces.iter_mut().enumerate() {
                 if mask >> k & 1 == 1 {
-                    face.reverse();
+                    face.corners.reverse();
                 }
             }
             let report = orient(&vertices(), &mut faces);
             let expected = Oriented { turned: mask.count_ones() as usize, unorientable: 0 };
             assert_eq!(report, expected, "{mask:b}");
-            assert!((volume(&faces) - 1.0 / 6.0).abs() < 1e-15, "{mask:b}");
+            let scene = Scene { vertices: vertices(), surfaces: faces, ..Scene::default() };
+            assert!((scene.volume() - 1.0 / 6.0).abs() < 1e-15, "{mask:b}");
         }
     }
 
     #[test]
     fn a_mesh_in_agreement_is_left_alone_even_inside_out() {
         for reverse in [false, true] {
-            let mut faces = lists(&TETRAHEDRON);
+            let mut faces = surfaces(&TETRAHEDRON);
             if reverse {
-                faces.iter_mut().for_each(|face| face.reverse());
+                faces.iter_mut().for_each(|face| face.corners.reverse());
             }
             let before = faces.clone();
             assert_eq!(orient(&vertices(), &mut faces), Oriented::default());
@@ -199,18 +194,18 @@ mod tests {
         let vertices: Vec<_> = (0..9).map(|k| DVec3::new(k as f64, (k % 2) as f64, 0.0)).collect();
         let right: Vec<_> = (0..7).map(strip).collect();
         for wrong in [vec![3], vec![0, 4, 6]] {
-            let mut faces = lists(&right);
-            wrong.iter().for_each(|&k: &usize| faces[k].reverse());
+            let mut faces = surfaces(&right);
+            wrong.iter().for_each(|&k: &usize| faces[k].corners.reverse());
             let report = orient(&vertices, &mut faces);
             assert_eq!(report.turned, wrong.len());
-            let directed = |f: &Vec<u32>| {
+            let directed = |face: &Surface| {
+                let mut f = face.corners.clone();
                 let first = f.iter().position(|v| v == f.iter().min().expect("a corner"));
-                let mut f = f.clone();
                 f.rotate_left(first.expect("found above"));
                 f
             };
             let found: Vec<_> = faces.iter().map(directed).collect();
-            let expected: Vec<_> = lists(&right).iter().map(directed).collect();
+            let expected: Vec<_> = surfaces(&right).iter().map(directed).collect();
             assert_eq!(found, expected);
         }
     }
@@ -218,7 +213,8 @@ mod tests {
     #[test]
     fn a_moebius_strip_is_left_as_it_is() {
         // Six triangles in a strip; its end, twisted, is its beginning.
-        let mut faces = lists(&[[0, 1, 2], [2, 1, 3], [2, 3, 4], [4, 3, 5], [4, 5, 1], [1, 5, 0]]);
+        let mut faces =
+            surfaces(&[[0, 1, 2], [2, 1, 3], [2, 3, 4], [4, 3, 5], [4, 5, 1], [1, 5, 0]]);
         let before = faces.clone();
         let vertices = vec![DVec3::ZERO; 6];
         assert_eq!(orient(&vertices, &mut faces), Oriented { turned: 0, unorientable: 1 });
@@ -227,7 +223,7 @@ mod tests {
 
     #[test]
     fn edges_of_three_faces_connect_nothing() {
-        let mut faces = lists(&[[0, 1, 2], [0, 1, 3], [0, 1, 4]]);
+        let mut faces = surfaces(&[[0, 1, 2], [0, 1, 3], [0, 1, 4]]);
         let vertices = vec![DVec3::ZERO; 5];
         assert_eq!(orient(&vertices, &mut faces), Oriented::default());
     }

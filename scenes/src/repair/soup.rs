@@ -1,6 +1,6 @@
-//! Polygons as files hold them, mended and made into surfaces.
+//! Polygons as files hold them, mended and made into surfaces that share their vertices.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashSet;
 
 use farfield_radiosity::Patch;
 use glam::DVec3;
@@ -11,150 +11,96 @@ use crate::scene::Scene;
 use crate::scene::geometry::vector_area;
 use crate::scene::material::Material;
 use crate::scene::surface::Surface;
+use crate::scene::weld::Weld;
 
-/// Polygons that share vertices, or ought to.
-#[derive(Clone, Debug, Default, PartialEq)]
+/// The polygons of a file, which are mended one by one.
+///
+/// Vertices at the same place become one. Polygons that aren't flat and convex with three or four
+/// corners are cut into triangles. What has no area, or has been there before, is dropped.
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Soup {
-    /// The vertices, all finite.
-    pub(crate) vertices: Vec<DVec3>,
-    /// The polygons.
-    pub(crate) polygons: Vec<Polygon>,
-}
-
-/// A polygon of any number of corners.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Polygon {
-    /// Indices of its vertices, counter-clockwise around its front.
-    pub(crate) corners: Vec<usize>,
-    /// Index of its material.
-    pub(crate) material: usize,
+    weld: Weld,
+    /// For each vertex of the file, which one it has become.
+    welded: Vec<u32>,
+    /// The corners of polygons so far, from the smallest on.
+    seen: HashSet<Vec<u32>>,
+    /// Flat convex pieces; those of one flat polygon have one face.
+    surfaces: Vec<Surface>,
+    degenerate: usize,
+    duplicate: usize,
+    bent: usize,
 }
 
 impl Soup {
-    /// The scene of these polygons.
-    ///
-    /// Vertices at the same place become one. Polygons that aren't flat and convex with three or four
-    /// corners are cut into triangles. What has no area, or has been there before, is dropped;
-    /// neighbours that disagree about their front are turned. All that is noted among the repairs.
-    pub(crate) fn into_scene(self, materials: Vec<Material>) -> Scene {
-        let (vertices, polygons) = self.weld();
-        let mut pieces = Pieces::default();
-        let mut seen = HashSet::new();
-        let (mut duplicate, mut bent) = (0, 0);
-        for (index, (corners, material)) in polygons.into_iter().enumerate() {
-            if corners.len() > 2 && !seen.insert(cycle(&corners)) {
-                duplicate += 1;
-                continue;
-            }
-            bent += usize::from(!pieces.add(&vertices, corners, material, index));
+    /// Adds a vertex, which must be finite.
+    pub(crate) fn add_vertex(&mut self, place: DVec3) {
+        self.welded.push(self.weld.vertex(place));
+    }
+
+    /// How many vertices have been added.
+    pub(crate) fn vertices(&self) -> u32 {
+        self.welded.len() as u32
+    }
+
+    /// Adds a polygon of any number of corners, counter-clockwise around its front, given by the numbers
+    /// of its vertices. Returns whether there are such vertices; otherwise nothing is added.
+    pub(crate) fn add_polygon(&mut self, corners: &[u32], material: usize) -> bool {
+        let corners = corners.iter().map(|&k| self.welded.get(k as usize).copied());
+        let Some(mut corners) = corners.collect::<Option<Vec<_>>>() else { return false };
+        corners.dedup();
+        while corners.len() > 1 && corners.first() == corners.last() {
+            corners.pop();
         }
-        let oriented = orient(&vertices, &mut pieces.corners);
+        if corners.len() > 2 && !self.seen.insert(cycle(&corners)) {
+            self.duplicate += 1;
+        } else {
+            self.add_pieces(corners, material);
+        }
+        true
+    }
+
+    /// The scene of these polygons. Neighbours that disagree about their front are turned. That and all
+    /// that has been mended before is noted among the repairs.
+    pub(crate) fn into_scene(mut self, materials: Vec<Material>) -> Scene {
+        let vertices = self.weld.vertices;
+        let oriented = orient(&vertices, &mut self.surfaces);
         let notes = [
-            (pieces.degenerate, "faces without area, dropped"),
-            (duplicate, "duplicate faces, dropped"),
-            (bent, "faces that aren't flat, cut into triangles"),
+            (self.degenerate, "faces without area, dropped"),
+            (self.duplicate, "duplicate faces, dropped"),
+            (self.bent, "faces that aren't flat, cut into triangles"),
             (oriented.turned, "faces turned round to agree with their neighbours"),
             (oriented.unorientable, "connected parts that can't be oriented, left as they are"),
         ];
         let mentioned = notes.iter().filter(|&&(count, _)| count > 0);
         let repairs = mentioned.map(|(count, what)| format!("{what}: {count}")).collect();
-        let surfaces = pieces.into_surfaces(&vertices);
-        Scene { materials, surfaces, repairs, ..Scene::default() }
+        Scene { materials, vertices, surfaces: self.surfaces, repairs, ..Scene::default() }
     }
 
-    /// One vertex for each place, and the corners of polygons without immediate repetitions.
-    fn weld(self) -> (Vec<DVec3>, Vec<(Vec<u32>, usize)>) {
-        let mut places = HashMap::new();
-        let mut vertices = Vec::new();
-        let welded: Vec<u32> = self
-            .vertices
-            .iter()
-            .map(|&p| {
-                // Adding zero turns −0 into 0.
-                let bits = (p + DVec3::ZERO).to_array().map(f64::to_bits);
-                *places.entry(bits).or_insert_with(|| {
-                    vertices.push(p);
-                    (vertices.len() - 1) as u32
-                })
-            })
-            .collect();
-        let polygons = self.polygons.into_iter().map(|polygon| {
-            let mut corners: Vec<u32> = polygon.corners.iter().map(|&k| welded[k]).collect();
-            corners.dedup();
-            while corners.len() > 1 && corners.first() == corners.last() {
-                corners.pop();
+    /// Adds a polygon, in triangles if need be.
+    fn add_pieces(&mut self, corners: Vec<u32>, material: usize) {
+        let places: Vec<_> = corners.iter().map(|&k| self.weld.vertices[k as usize]).collect();
+        let mut face = self.surfaces.last().map_or(0, |last| last.face + 1);
+        if corners.len() <= 4 && Patch::new(&places).is_ok() {
+            self.surfaces.push(Surface { corners, material, face });
+            return;
+        }
+        let (triangles, flat) = (triangulate(&places), is_flat(&places));
+        self.bent += usize::from(!flat);
+        self.degenerate += usize::from(triangles.is_empty());
+        for triangle in triangles {
+            if Patch::new(&triangle.map(|k| places[k])).is_err() {
+                self.degenerate += 1;
+                continue;
             }
-            (corners, polygon.material)
-        });
-        let polygons = polygons.collect();
-        (vertices, polygons)
+            let corners = triangle.map(|k| corners[k]).to_vec();
+            self.surfaces.push(Surface { corners, material, face });
+            face += u32::from(!flat);
+        }
     }
 }
 
 /// How far a corner may lie off the plane of a flat polygon, relative to the polygon.
 const FLATNESS: f64 = 1e-6;
-
-/// Flat convex pieces of polygons.
-#[derive(Default)]
-struct Pieces {
-    /// Three or four vertices each.
-    corners: Vec<Vec<u32>>,
-    material: Vec<usize>,
-    /// Index of the polygon; none for a piece of one that isn't flat.
-    polygon: Vec<Option<usize>>,
-    /// How many had no area.
-    degenerate: usize,
-}
-
-impl Pieces {
-    /// Adds a polygon, in triangles if need be. Returns whether it was flat.
-    fn add(&mut self, all: &[DVec3], corners: Vec<u32>, material: usize, index: usize) -> bool {
-        let places: Vec<_> = corners.iter().map(|&k| all[k as usize]).collect();
-        if corners.len() <= 4 && Patch::new(&places).is_ok() {
-            self.push(corners, material, Some(index));
-            return true;
-        }
-        let triangles = triangulate(&places);
-        if triangles.is_empty() {
-            self.degenerate += 1;
-        }
-        let flat = is_flat(&places);
-        for triangle in triangles {
-            match Patch::new(&triangle.map(|k| places[k])) {
-                Ok(_) => {
-                    let corners = triangle.map(|k| corners[k]).to_vec();
-                    self.push(corners, material, flat.then_some(index));
-                }
-                Err(_) => self.degenerate += 1,
-            }
-        }
-        flat
-    }
-
-    fn push(&mut self, corners: Vec<u32>, material: usize, polygon: Option<usize>) {
-        self.corners.push(corners);
-        self.material.push(material);
-        self.polygon.push(polygon);
-    }
-
-    /// The pieces as surfaces: those of one flat polygon have one face.
-    fn into_surfaces(self, all: &[DVec3]) -> Vec<Surface> {
-        let mut faces = 0;
-        let mut last = None;
-        let mut surfaces = Vec::with_capacity(self.corners.len());
-        for ((corners, material), polygon) in
-            self.corners.into_iter().zip(self.material).zip(self.polygon)
-        {
-            if polygon.is_none() || polygon != last {
-                faces += 1;
-            }
-            last = polygon;
-            let corners = corners.into_iter().map(|k| all[k as usize]).collect();
-            surfaces.push(Surface { corners, material, face: faces - 1 });
-        }
-        surfaces
-    }
-}
 
 /// Whether all corners lie in one plane, up to the tolerance of patches.
 fn is_flat(corners: &[DVec3]) -> bool {
@@ -176,18 +122,14 @@ fn cycle(corners: &[u32]) -> Vec<u32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::geometry::{area, is_watertight, volume};
+    use crate::scene::geometry::is_watertight;
 
-    fn soup(vertices: &[[f64; 3]], polygons: &[&[usize]]) -> Soup {
-        let polygon = |corners: &&[usize]| Polygon { corners: corners.to_vec(), material: 0 };
-        Soup {
-            vertices: vertices.iter().map(|&p| p.into()).collect(),
-            polygons: polygons.iter().map(polygon).collect(),
-        }
-    }
-
-    fn scene(vertices: &[[f64; 3]], polygons: &[&[usize]]) -> Scene {
-        soup(vertices, polygons).into_scene(vec![Material::grey()])
+    fn scene(vertices: &[[f64; 3]], polygons: &[&[u32]]) -> Scene {
+        let mut soup = Soup::default();
+        vertices.iter().for_each(|&place| soup.add_vertex(place.into()));
+        assert!(polygons.iter().all(|corners| soup.add_polygon(corners, 0)));
+        assert!(!soup.add_polygon(&[0, 1, vertices.len() as u32], 0));
+        soup.into_scene(vec![Material::grey()])
     }
 
     const SQUARE: [[f64; 3]; 4] =
@@ -200,7 +142,7 @@ mod tests {
         let house = [&SQUARE[..], &[[0.5, 2.0, 0.0]]].concat();
         let house = scene(&house, &[&[0, 1, 2, 4, 3]]);
         assert_eq!(house.surfaces.len(), 3);
-        assert!((house.surfaces.iter().map(area).sum::<f64>() - 1.5).abs() < 1e-15);
+        assert!((house.surfaces.iter().map(|s| house.area(s)).sum::<f64>() - 1.5).abs() < 1e-15);
         assert!(house.surfaces.iter().all(|s| s.face == 0));
         assert!(house.repairs.is_empty());
     }
@@ -217,7 +159,7 @@ mod tests {
 
     #[test]
     fn faces_without_area_and_duplicates_are_dropped_and_counted() {
-        let polygons: [&[usize]; 7] =
+        let polygons: [&[u32]; 7] =
             [&[0, 1, 2], &[1, 2, 0], &[0, 1, 1], &[0, 1], &[2, 1, 0], &[0, 1, 4], &[0, 2, 3]];
         let vertices = [&SQUARE[..], &[[2.0, 0.0, 0.0]]].concat();
         let scene = scene(&vertices, &polygons);
@@ -250,8 +192,9 @@ mod tests {
         let polygons = [[0, 1, 2], [3, 4, 5], [7, 6, 8], [9, 10, 11]];
         let scene = scene(&vertices, &polygons.each_ref().map(|polygon| &polygon[..]));
         assert_eq!(scene.repairs, ["faces turned round to agree with their neighbours: 1"]);
+        assert_eq!(scene.vertices.len(), 4);
         assert!(is_watertight(&scene.surfaces));
-        assert!((volume(&scene.surfaces) - 1.0 / 6.0).abs() < 1e-15);
+        assert!((scene.volume() - 1.0 / 6.0).abs() < 1e-15);
     }
 
     #[test]
@@ -262,7 +205,7 @@ mod tests {
             [angle.cos() * (1.0 + 0.3 * up), angle.sin(), up]
         };
         let vertices: Vec<_> = (0..6).map(strip).collect();
-        let polygons: [&[usize]; 6] =
+        let polygons: [&[u32]; 6] =
             [&[0, 1, 2], &[2, 1, 3], &[2, 3, 4], &[4, 3, 5], &[4, 5, 1], &[1, 5, 0]];
         let scene = scene(&vertices, &polygons);
         assert_eq!(scene.surfaces.len(), 6);

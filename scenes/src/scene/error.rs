@@ -136,6 +136,16 @@ pub enum SceneError {
         /// How many materials there are.
         materials: usize,
     },
+    /// A surface of a vertex that doesn't exist.
+    #[error("surface {surface} has a corner at vertex {found}: expected less than {vertices}")]
+    Vertex {
+        /// Index of the surface.
+        surface: usize,
+        /// The index of the vertex.
+        found: u32,
+        /// How many vertices there are.
+        vertices: usize,
+    },
     /// A surface that isn't a flat convex piece.
     #[error("surface {index}: {source}")]
     Surface {

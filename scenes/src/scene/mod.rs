@@ -5,10 +5,13 @@ pub(crate) mod geometry;
 pub(crate) mod material;
 pub(crate) mod surface;
 pub(crate) mod viewpoint;
+pub(crate) mod weld;
 
 use farfield_radiosity::Patch;
+use glam::DVec3;
 
 use self::error::SceneError;
+use self::geometry::vector_area;
 use self::material::Material;
 use self::surface::{ScenePoint, Surface};
 use self::viewpoint::Viewpoint;
@@ -30,6 +33,8 @@ pub enum Quantity {
 pub struct Scene {
     /// What surfaces and points are made of; all have the same number of bands.
     pub materials: Vec<Material>,
+    /// The vertices of surfaces, which neighbours share.
+    pub vertices: Vec<DVec3>,
     /// Flat pieces of surface.
     pub surfaces: Vec<Surface>,
     /// Oriented points, each standing for a disk.
@@ -63,7 +68,11 @@ impl Scene {
         };
         for (index, surface) in self.surfaces.iter().enumerate() {
             known("surface", index, surface.material)?;
-            let patch = Patch::new(&surface.corners);
+            let vertices = self.vertices.len();
+            if let Some(&found) = surface.corners.iter().find(|&&k| k as usize >= vertices) {
+                return Err(SceneError::Vertex { surface: index, found, vertices });
+            }
+            let patch = Patch::new(&self.corners(surface));
             patch.map_err(|source| SceneError::Surface { index, source })?;
         }
         for (index, point) in self.points.iter().enumerate() {
@@ -71,6 +80,25 @@ impl Scene {
             point.check().map_err(|expected| SceneError::Point { index, expected })?;
         }
         self.camera.as_ref().map_or(Ok(()), Viewpoint::check)
+    }
+
+    /// The corners of one of its surfaces, in their order; without those that don't exist, which
+    /// [`check`](Self::check) refuses.
+    pub fn corners(&self, surface: &Surface) -> Vec<DVec3> {
+        surface.corners.iter().filter_map(|&k| self.vertices.get(k as usize).copied()).collect()
+    }
+
+    /// The area of one of its surfaces.
+    pub(crate) fn area(&self, surface: &Surface) -> f64 {
+        vector_area(&self.corners(surface)).length()
+    }
+
+    /// Adds a surface with vertices of its own.
+    pub(crate) fn add(&mut self, corners: &[DVec3], material: usize, face: u32) {
+        let first = self.vertices.len() as u32;
+        self.vertices.extend(corners);
+        let corners = (first..self.vertices.len() as u32).collect();
+        self.surfaces.push(Surface { corners, material, face });
     }
 
     /// How many bands its materials have.
@@ -93,14 +121,27 @@ impl Scene {
 }
 
 #[cfg(test)]
+impl Scene {
+    /// The volume that closed surfaces enclose, negative if they look inwards.
+    pub(crate) fn volume(&self) -> f64 {
+        let corners = self.surfaces.iter().map(|s| self.corners(s));
+        corners.map(|corners| vector_area(&corners).dot(corners[0]) / 3.0).sum()
+    }
+
+    /// The sum of all vector areas: zero for closed surfaces.
+    pub(crate) fn open_area(&self) -> DVec3 {
+        self.surfaces.iter().map(|s| vector_area(&self.corners(s))).sum()
+    }
+}
+
+#[cfg(test)]
 mod tests {
     use super::*;
-    use glam::DVec3;
 
     fn scene(material: Material) -> Scene {
-        let corners = vec![DVec3::ZERO, DVec3::X, DVec3::Y];
-        let surfaces = vec![Surface { corners, material: 0, face: 0 }];
-        Scene { materials: vec![material], surfaces, ..Scene::default() }
+        let mut scene = Scene { materials: vec![material], ..Scene::default() };
+        scene.add(&[DVec3::ZERO, DVec3::X, DVec3::Y], 0, 0);
+        scene
     }
 
     fn refusal(scene: &Scene) -> String {
@@ -151,8 +192,10 @@ mod tests {
             scene.points[1] = bad;
             assert_eq!(refusal(&scene), format!("point 1: expected {expected}"));
         }
-        scene.surfaces[0].corners[2] = DVec3::X;
+        scene.surfaces[0].corners[2] = 1;
         assert!(refusal(&scene).starts_with("surface 0: a patch with corners at"));
+        scene.surfaces[0].corners[2] = 3;
+        assert_eq!(refusal(&scene), "surface 0 has a corner at vertex 3: expected less than 3");
     }
 
     #[test]

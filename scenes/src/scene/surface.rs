@@ -8,8 +8,8 @@ const UNIT_TOLERANCE: f64 = 1e-8;
 /// A flat convex piece of surface.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Surface {
-    /// Its three or four corners, counter-clockwise around its front.
-    pub corners: Vec<DVec3>,
+    /// Indices of its three or four vertices, counter-clockwise around its front.
+    pub corners: Vec<u32>,
     /// Index of its material.
     pub material: usize,
     /// Number of the occluder face it belongs to: surfaces of one face never hide each other's points

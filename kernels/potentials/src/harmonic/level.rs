@@ -1,6 +1,6 @@
 //! M2L of a whole level: many translations by equal vectors at once.
 
-use farfield::{LevelPairs, Numbers, Point, Real, Vector};
+use farfield::{Cell, LevelPairs, Numbers, Point, Real, Vector};
 use rayon::prelude::*;
 
 use super::{Harmonic, Scratch};
@@ -28,6 +28,12 @@ impl<T: Real> Harmonic<T> {
     /// The vector between two cells of one level in half-widths, given it in cells.
     pub fn shift(offset: [i32; 3]) -> Point<T> {
         Point::<T>::from_array(offset.map(|o| T::from_f64(2.0 * f64::from(o))))
+    }
+
+    /// The centre of a cell as seen from its parent, in the parent's half-widths.
+    pub fn centre_in_parent(child: &Cell<T>) -> Point<T> {
+        let high = |axis: usize| child.octant() >> axis & 1 == 1;
+        Point::<T>::from_array([0, 1, 2].map(|k| T::from_f64(if high(k) { 0.5 } else { -0.5 })))
     }
 
     /// M2L with pairs of the same offset side by side as columns of one translation, `LANES` at a

@@ -1,7 +1,7 @@
 //! The expansion of the radiosity kernel in 16 moments per harmonic of 1/r⁴.
 
 use farfield::{Cell, Costs, Error, Expansion, Located, Numbers, Outcome, Point, Real, Vector};
-use farfield_potentials::harmonic::{Harmonic, MAX_ORDER, Scratch};
+use farfield_potentials::harmonic::{Harmonic, Scratch};
 
 use crate::elements::Surfel;
 use crate::expansion::irradiance::Irradiance;
@@ -51,18 +51,9 @@ impl<T: Real, C> SixteenMoment<T, C> {
     /// [`Error::InvalidTolerance`] unless 0 < `tolerance` < 1; [`Error::UnreachableTolerance`] if the
     /// precision or the [highest order](farfield_potentials::harmonic::MAX_ORDER) doesn't suffice.
     pub fn with_tolerance(kernel: Irradiance<T, C>, tolerance: f64) -> Result<Self, Error> {
-        if !(tolerance > 0.0 && tolerance < 1.0) {
-            return Err(Error::InvalidTolerance { found: tolerance });
-        }
         let rounding = ROUNDING * T::epsilon().as_f64();
-        let error = |order: usize| predicted_error(order).max(rounding);
-        match (2..=MAX_ORDER).find(|&order| error(order) <= tolerance) {
-            Some(order) => Self::new(kernel, order),
-            None => {
-                let reachable = error(MAX_ORDER);
-                Err(Error::UnreachableTolerance { requested: tolerance, reachable })
-            }
-        }
+        let error = |order| predicted_error(order).max(rounding);
+        Self::new(kernel, Harmonic::<T>::order_for(tolerance, 2, error)?)
     }
 
     /// The order p of the harmonics.
@@ -151,11 +142,9 @@ impl<T: Real, C: Numbers<Real = T>> Expansion for SixteenMoment<T, C> {
     }
 
     fn costs(&self, _level: usize) -> Costs {
-        let (terms, columns) = (self.harmonic.len(), 16 * C::LEN);
-        Costs {
-            leaf_seconds: Some(self.harmonic.leaf_seconds(columns)),
-            ..Costs::new(terms, terms)
-        }
+        let terms = self.harmonic.len();
+        let leaf_seconds = Some(self.harmonic.leaf_seconds(16 * C::LEN));
+        Costs { leaf_seconds, ..Costs::new(terms, terms) }
     }
 
     fn p2m(&self, cell: &Cell<T>, sources: &[Surfel<T>], charges: &[C], multipole: &mut [[C; 16]]) {
@@ -163,27 +152,28 @@ impl<T: Real, C: Numbers<Real = T>> Expansion for SixteenMoment<T, C> {
     }
 
     fn m2m(&self, child: &Cell<T>, _parent: &Cell<T>, from: &[[C; 16]], to: &mut [[C; 16]]) {
-        let (shift, half) = (centre_in_parent(child), T::from_f64(0.5));
-        let from = shifted(from, half, shift);
+        let (shift, half) = (Harmonic::centre_in_parent(child), T::from_f64(0.5));
+        let from = shifted(from, half, shift.to_array());
         let mut scratch = Scratch::new(&self.harmonic);
-        self.harmonic.m2m(Point::<T>::from_array(shift), half, &from, to, &mut scratch);
+        self.harmonic.m2m(shift, half, &from, to, &mut scratch);
     }
 
     fn m2l(&self, source: &Cell<T>, target: &Cell<T>, from: &[[C; 16]], to: &mut [[C; 16]]) {
         // RM(x + t)·SM(y) depends on x + t − y alone, so it is RM(x)·SM(y − t).
-        let shift = source.offset_to(target).map(|o| T::from_f64(2.0 * f64::from(o)));
-        let from = shifted(from, T::from_f64(1.0), shift.map(|t| -t));
+        let shift = Harmonic::<T>::shift(source.offset_to(target));
+        let from = shifted(from, T::from_f64(1.0), shift.to_array().map(|t| -t));
         let mut scratch = Scratch::new(&self.harmonic);
-        self.harmonic.m2l(Point::<T>::from_array(shift), &from, to, &mut scratch);
+        self.harmonic.m2l(shift, &from, to, &mut scratch);
     }
 
     fn l2l(&self, _parent: &Cell<T>, child: &Cell<T>, from: &[[C; 16]], to: &mut [[C; 16]]) {
         // RM(s x + t)·SM(y) = s² RM(x)·SM((y − t)/s), and h⁻² turns into s² h⁻² in the child: s⁴ in all,
         // which is what `Harmonic::l2l` multiplies by.
-        let (shift, half, two) = (centre_in_parent(child), T::from_f64(0.5), T::from_f64(2.0));
-        let from = shifted(from, two, shift.map(|t| -two * t));
+        let (shift, half) = (Harmonic::centre_in_parent(child), T::from_f64(0.5));
+        let two = T::from_f64(2.0);
+        let from = shifted(from, two, shift.to_array().map(|t| -two * t));
         let mut scratch = Scratch::new(&self.harmonic);
-        self.harmonic.l2l(Point::<T>::from_array(shift), half, &from, to, &mut scratch);
+        self.harmonic.l2l(shift, half, &from, to, &mut scratch);
     }
 
     fn l2p(&self, cell: &Cell<T>, local: &[[C; 16]], targets: &[Surfel<T>], values: &mut [C]) {
@@ -213,58 +203,32 @@ impl<T: Real, C: Numbers<Real = T>> Expansion for SixteenMoment<T, C> {
     }
 }
 
-/// The centre of `child` as seen from its parent, in the parent's half-widths.
-fn centre_in_parent<T: Real>(child: &Cell<T>) -> [T; 3] {
-    [0, 1, 2].map(|axis| T::from_f64(if child.octant() >> axis & 1 == 1 { 0.5 } else { -0.5 }))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use approx::assert_relative_eq;
     use farfield::conformance::{self, Samples};
     use farfield::{Cube, Fmm, Numbers, Scheme, direct, relative_l2_error};
+    use farfield_testing::clouds::Random;
     use glam::DVec3;
 
-    /// Uniform numbers in [−1, 1] from a linear congruence.
-    struct Sequence(u64);
-
-    impl Sequence {
-        fn next(&mut self) -> f64 {
-            self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
-            (self.0 >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-        }
-
-        fn vector(&mut self) -> DVec3 {
-            DVec3::new(self.next(), self.next(), self.next())
-        }
-
-        fn normal(&mut self) -> DVec3 {
-            std::iter::repeat_with(|| self.vector())
-                .find(|v| v.length() > 0.1 && v.length() < 1.0)
-                .expect("half of the cube lies there")
-                .normalize()
-        }
-
-        /// Surfels in a cell with random positions and normals.
-        fn surfels(&mut self, cell: &Cell<f64>, n: usize) -> Vec<Surfel> {
-            (0..n)
-                .map(|_| Surfel {
-                    position: cell.centre() + self.vector() * cell.half_width(),
-                    normal: self.normal(),
-                    area: 1.5 + self.next(),
-                    face: Surfel::<f64>::NO_FACE,
-                })
-                .collect()
-        }
+    /// Surfels in a cell with random positions and normals.
+    fn surfels(random: &mut Random, cell: &Cell<f64>, n: usize) -> Vec<Surfel> {
+        let surfel = |_| Surfel {
+            position: cell.centre() + (2.0 * random.in_cube() - 1.0) * cell.half_width(),
+            normal: random.direction(),
+            area: random.between(0.5, 2.5),
+            face: Surfel::<f64>::NO_FACE,
+        };
+        (0..n).map(surfel).collect()
     }
 
     #[test]
     fn the_numerator_separates_exactly() {
-        let mut numbers = Sequence(1);
+        let random = &mut Random::new(1);
         for _ in 0..20 {
-            let [x, y, t] = [numbers.vector(), numbers.vector(), numbers.vector()];
-            let [nx, ny] = [numbers.normal(), numbers.normal()];
+            let [x, y, t]: [DVec3; 3] = std::array::from_fn(|_| 2.0 * random.in_cube() - 1.0);
+            let [nx, ny] = [random.direction(), random.direction()];
             let source = source_matrix(y.to_array(), ny.to_array());
             let receiver = receiver_matrix(x.to_array(), nx.to_array());
             let separated: f64 = receiver.iter().zip(&source).map(|(r, s)| r * s).sum();
@@ -285,10 +249,10 @@ mod tests {
         // One column per source keeps their fields apart.
         let expansion = SixteenMoment::new(Irradiance::<f64, [f64; 20]>::signed(), order).unwrap();
         let [source, target] = [[0, 0, 0], offset].map(|c| Cell::new(&root, 3, c.map(u64::from)));
-        let mut numbers = Sequence(7);
+        let random = &mut Random::new(7);
         let (mut found, mut exact) = (Vec::new(), Vec::new());
         for _ in 0..20 {
-            let (ys, xs) = (numbers.surfels(&source, 20), numbers.surfels(&target, 400));
+            let (ys, xs) = (surfels(random, &source, 20), surfels(random, &target, 400));
             let qs: Vec<[f64; 20]> = (0..20)
                 .map(|j| std::array::from_fn(|i| if i == j { 1.0 / ys[j].area } else { 0.0 }))
                 .collect();
@@ -337,11 +301,11 @@ mod tests {
         let root = Cube::new(DVec3::splat(-2.0), 3.0);
         let expansion = SixteenMoment::new(Irradiance::<f64>::signed(), 6).unwrap();
         let parent = Cell::new(&root, 2, [3, 0, 2]);
-        let mut numbers = Sequence(3);
+        let random = &mut Random::new(3);
         for octant in 0..8u32 {
             let coordinates = [6 + (octant & 1), octant >> 1 & 1, 4 + (octant >> 2)];
             let child = Cell::new(&root, 3, coordinates.map(u64::from));
-            let surfels = numbers.surfels(&child, 5);
+            let surfels = surfels(random, &child, 5);
             let zeros = || vec![<[f64; 16]>::zero(); expansion.multipole_len(3)];
 
             let [mut of_child, mut of_parent, mut expected] = [zeros(), zeros(), zeros()];
@@ -350,7 +314,8 @@ mod tests {
             expansion.m2m(&child, &parent, &of_child, &mut of_parent);
             assert!(relative_l2_error(&of_parent, &expected) < 1e-14);
 
-            let local: Vec<_> = zeros().iter().map(|t| t.map(|_| numbers.next())).collect();
+            let local: Vec<_> =
+                zeros().iter().map(|t| t.map(|_| random.between(-1.0, 1.0))).collect();
             let mut of_child = zeros();
             expansion.l2l(&parent, &child, &local, &mut of_child);
             let [mut values, mut expected] = [vec![0.0; 5], vec![0.0; 5]];
@@ -366,8 +331,8 @@ mod tests {
         let expansion = SixteenMoment::new(Irradiance::<f64>::signed(), 12).unwrap();
         let [source, target] =
             [[0, 0, 0], [3, 3, 2]].map(|coordinates| Cell::new(&root, 2, coordinates));
-        let mut numbers = Sequence(5);
-        let (ys, xs) = (numbers.surfels(&source, 30), numbers.surfels(&target, 30));
+        let random = &mut Random::new(5);
+        let (ys, xs) = (surfels(random, &source, 30), surfels(random, &target, 30));
         let qs = vec![1.0; 30];
         let exact = direct(expansion.kernel(), &ys, &qs, &xs).unwrap();
         let zeros = || vec![<[f64; 16]>::zero(); expansion.multipole_len(2)];
@@ -386,9 +351,9 @@ mod tests {
     #[test]
     fn whole_sums_in_every_scheme() {
         let root = Cube::new(DVec3::splat(1e4), 2.0);
-        let mut numbers = Sequence(11);
-        let surfels = numbers.surfels(&Cell::new(&root, 0, [0; 3]), 1500);
-        let charges: Vec<_> = surfels.iter().map(|_| [1.0 + numbers.next(), 1.0]).collect();
+        let random = &mut Random::new(11);
+        let surfels = surfels(random, &Cell::new(&root, 0, [0; 3]), 1500);
+        let charges: Vec<_> = surfels.iter().map(|_| [random.between(0.0, 2.0), 1.0]).collect();
         let kernel = Irradiance::<f64, [f64; 2]>::signed();
         let exact = direct(&kernel, &surfels, &charges, &surfels).unwrap();
         for scheme in [Scheme::Fmm, Scheme::Treecode { m2m: true }, Scheme::Treecode { m2m: false }]
@@ -404,8 +369,8 @@ mod tests {
     #[test]
     fn tolerances_are_met_or_refused() {
         let root = Cube::new(DVec3::ZERO, 1.0);
-        let mut numbers = Sequence(13);
-        let cube = numbers.surfels(&Cell::new(&root, 0, [0; 3]), 1500);
+        let random = &mut Random::new(13);
+        let cube = surfels(random, &Cell::new(&root, 0, [0; 3]), 1500);
         let inwards = |surfel: &Surfel| {
             let normal = -surfel.position.normalize();
             Surfel { position: -normal, normal, ..*surfel }
@@ -414,7 +379,7 @@ mod tests {
         let kernel = Irradiance::<f64>::signed();
         for (cloud, surfels) in [("cube", cube), ("sphere", sphere)] {
             // All of one sign: on a sphere, nothing but their sum arrives.
-            let charges: Vec<f64> = surfels.iter().map(|_| 1.5 + numbers.next()).collect();
+            let charges: Vec<f64> = surfels.iter().map(|_| random.between(0.5, 2.5)).collect();
             let exact = direct(&kernel, &surfels, &charges, &surfels).unwrap();
             for tolerance in [0.3, 1e-1, 1e-2, 1e-3, 1e-4, 1e-6] {
                 let expansion = SixteenMoment::with_tolerance(kernel, tolerance).unwrap();

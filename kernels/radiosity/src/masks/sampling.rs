@@ -101,6 +101,13 @@ fn samples(n: usize, m: usize, turn: u64) -> impl Iterator<Item = (usize, usize)
     (0..RAYS).map(move |k| (rows[k / ROWS], columns[k % ROWS]))
 }
 
+/// One of the two even numbers next to an odd one, by the toss of a coin that `key` decides: always the
+/// lower would lose light.
+pub(crate) fn even(count: usize, key: u64) -> usize {
+    let odd = count % 2;
+    if mixed(key) >> 63 == 0 { count - odd } else { count + odd }
+}
+
 /// The k-th of the stretches of a group that have one sample each.
 pub(crate) fn part(group: &Range<usize>, k: usize) -> Range<usize> {
     let border = |k: usize| group.start + (k * group.len()).div_ceil(ROWS);
@@ -309,6 +316,16 @@ mod tests {
                 assert_ne!(there.0, back.0);
                 assert!(numbers.insert(there.1), "every pair has a number of its own");
             }
+        }
+    }
+
+    #[test]
+    fn shares_are_rounded_to_eighths_without_a_bias() {
+        for count in 0..=RAYS {
+            let sum: usize = (0..1000).map(|key| even(count, key)).sum();
+            assert!((0..1000).all(|key| matches!(even(count, key), 0..=RAYS)));
+            assert!((0..1000).all(|key| even(count, key).is_multiple_of(2)));
+            assert!((sum as f64 / 1000.0 - count as f64).abs() < 0.1, "{count}: {sum}");
         }
     }
 }

@@ -1,6 +1,7 @@
 //! Axis-aligned bounding boxes.
 
 use farfield::{Point, Real, Vector};
+use glam::DVec3;
 
 /// The smallest axis-aligned box around some points; inside out if there are none.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -82,6 +83,37 @@ impl<T: Real> Bounds<T> {
         });
         let [a, b, c] = ends;
         (a.0 + b.0 + c.0, a.1 + b.1 + c.1)
+    }
+}
+
+/// A line origin + t·direction, t ≥ 0, ready for tests against boxes.
+pub(crate) struct Slabs {
+    origin: [f64; 3],
+    inverse: [f64; 3],
+}
+
+impl Slabs {
+    /// The line from `origin` along `direction`, of any length.
+    pub(crate) fn new(origin: DVec3, direction: DVec3) -> Self {
+        Self { origin: origin.to_array(), inverse: direction.to_array().map(f64::recip) }
+    }
+
+    /// Whether the piece t ∈ [0, end] meets a box.
+    ///
+    /// Along an axis that the line is parallel to, both parameters are infinite; 0·∞ arises only on
+    /// the border of a box, which the margin keeps away from anything that counts.
+    #[inline(always)]
+    pub(crate) fn meets(&self, bounds: &Bounds<f64>, end: f64) -> bool {
+        let (mut enter, mut leave) = (0.0, end);
+        for k in 0..3 {
+            let low = (bounds.low[k] - self.origin[k]) * self.inverse[k];
+            let high = (bounds.high[k] - self.origin[k]) * self.inverse[k];
+            // Comparisons, not f64::min and max: those also sort out NaN and cost twice the time.
+            let (near, far) = if low < high { (low, high) } else { (high, low) };
+            enter = if near > enter { near } else { enter };
+            leave = if far < leave { far } else { leave };
+        }
+        enter <= leave
     }
 }
 

@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use crate::elements::Triangle;
 use crate::error::Error;
-use crate::occlusion::bounds::Bounds;
+use crate::occlusion::bounds::{Bounds, Slabs};
 use crate::occlusion::boxes::{Boxes, SmallNode};
 use crate::occlusion::facet::{Facet, ordered};
 use crate::occlusion::node::{MAX_DEPTH, Node, bounds_of, build};
@@ -205,41 +205,11 @@ fn margin_of(bounds: &Bounds<f64>) -> f64 {
     }
 }
 
-/// A line origin + t·direction, t ≥ 0, ready for tests against boxes.
-struct Slabs {
-    origin: [f64; 3],
-    inverse: [f64; 3],
-}
-
-impl Slabs {
-    fn new(origin: DVec3, direction: DVec3) -> Self {
-        Self { origin: origin.to_array(), inverse: direction.to_array().map(f64::recip) }
-    }
-
-    /// Whether the piece t ∈ [0, end] meets a box.
-    ///
-    /// Along an axis that the line is parallel to, both parameters are infinite; 0·∞ arises only on
-    /// the border of a box, which the margin keeps away from anything that counts.
-    #[inline(always)]
-    fn meets(&self, bounds: &Bounds<f64>, end: f64) -> bool {
-        let (mut enter, mut leave) = (0.0, end);
-        for k in 0..3 {
-            let low = (bounds.low[k] - self.origin[k]) * self.inverse[k];
-            let high = (bounds.high[k] - self.origin[k]) * self.inverse[k];
-            // Comparisons, not f64::min and max: those also sort out NaN and cost twice the time.
-            let (near, far) = if low < high { (low, high) } else { (high, low) };
-            enter = if near > enter { near } else { enter };
-            leave = if far < leave { far } else { leave };
-        }
-        enter <= leave
-    }
-}
-
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
     use crate::elements::Surfel;
-    use proptest::prelude::*;
+    use farfield_testing::clouds::Random;
 
     const NO_FACE: u32 = Surfel::<f64>::NO_FACE;
 
@@ -315,22 +285,26 @@ pub(crate) mod tests {
         assert!(occluders.blocked(DVec3::new(0.7, 0.2, -1.0), DVec3::new(0.7, 0.2, 1.0), [9; 2]));
     }
 
-    fn point() -> impl Strategy<Value = DVec3> {
-        prop::array::uniform3(-1.0f64..1.0).prop_map(DVec3::from_array)
+    /// A point within 1 of the origin along every axis, half of the time on a lattice of this spacing.
+    pub(crate) fn perhaps_on_lattice(random: &mut Random, spacing: f64) -> DVec3 {
+        let point = 2.0 * random.in_cube() - 1.0;
+        if random.below(2) == 0 { (point / spacing).round() * spacing } else { point }
     }
 
-    /// Triangles of all sizes; some with vertices on a coarse lattice, so that they share edges.
-    pub(crate) fn triangles() -> impl Strategy<Value = Vec<Triangle>> {
-        let lattice =
-            prop::array::uniform3(-2i32..3).prop_map(|p| DVec3::from_array(p.map(f64::from)) / 2.0);
-        let vertex = prop_oneof![lattice, point()];
-        let triangle = (prop::array::uniform3(vertex), 0.05f64..1.0, 0u32..4).prop_map(
-            |([a, b, c], size, face)| Triangle {
-                vertices: [a, a + (b - a) * size, a + (c - a) * size],
-                face,
-            },
-        );
-        prop::collection::vec(triangle, 0..60)
+    /// Up to 59 triangles of all sizes and four faces; some with vertices on a coarse lattice, so that
+    /// they share edges.
+    pub(crate) fn triangles(random: &mut Random) -> Vec<Triangle> {
+        let triangle = |random: &mut Random| {
+            let [a, b, c] = std::array::from_fn(|_| perhaps_on_lattice(random, 0.5));
+            let size = random.between(0.05, 1.0);
+            let vertices = [a, a + (b - a) * size, a + (c - a) * size];
+            Triangle { vertices, face: random.below(4) as u32 }
+        };
+        (0..random.below(60)).map(|_| triangle(random)).collect()
+    }
+
+    fn point(random: &mut Random) -> DVec3 {
+        2.0 * random.in_cube() - 1.0
     }
 
     /// The same rule by the parameter of the crossing and barycentric coordinates, one by one.
@@ -346,48 +320,56 @@ pub(crate) mod tests {
         (slack.abs() > 1e-6).then_some(slack > 0.0)
     }
 
-    proptest! {
-        #[test]
-        fn the_hierarchy_finds_what_every_triangle_alone_finds(
-            triangles in triangles(), from in point(), to in point(), skip in 0u32..4,
-        ) {
+    #[test]
+    fn the_hierarchy_finds_what_every_triangle_alone_finds() {
+        for seed in 0..256 {
+            let random = &mut Random::new(seed);
+            let triangles = triangles(random);
+            let [from, to] = std::array::from_fn(|_| point(random));
+            let skip = random.below(4) as u32;
             let occluders = Occluders::new(&triangles).unwrap();
             let blocked = occluders.blocked(from, to, [skip, NO_FACE]);
-            prop_assert_eq!(blocked, occluders.blocked(to, from, [skip, NO_FACE]));
+            assert_eq!(blocked, occluders.blocked(to, from, [skip, NO_FACE]), "{seed}");
             let others = triangles.iter().filter(|t| t.face != skip);
             let verdicts: Vec<_> = others.map(|t| blocked_by_hand(t, from, to)).collect();
             if verdicts.contains(&Some(true)) {
-                prop_assert!(blocked);
+                assert!(blocked, "{seed}");
             } else if !verdicts.contains(&None) {
-                prop_assert!(!blocked);
+                assert!(!blocked, "{seed}");
             }
         }
+    }
 
-        #[test]
-        fn the_ends_may_be_swapped_even_where_rounding_decides(
-            triangle in prop::array::uniform3(point()), along in 0.0f64..1.0, half in point(),
-        ) {
-            let border = triangle[0].lerp(triangle[1], along);
-            let occluders = Occluders::new(&[Triangle { vertices: triangle, face: 0 }]).unwrap();
+    #[test]
+    fn the_ends_may_be_swapped_even_where_rounding_decides() {
+        for seed in 0..256 {
+            let random = &mut Random::new(seed);
+            let vertices = std::array::from_fn(|_| point(random));
+            let border = vertices[0].lerp(vertices[1], random.unit());
+            let half = point(random);
+            let occluders = Occluders::new(&[Triangle { vertices, face: 0 }]).unwrap();
             let (from, to) = (border - half, border + half);
             let blocked = occluders.blocked(from, to, [NO_FACE; 2]);
-            prop_assert_eq!(blocked, occluders.blocked(to, from, [NO_FACE; 2]));
+            assert_eq!(blocked, occluders.blocked(to, from, [NO_FACE; 2]), "{seed}");
         }
+    }
 
-        #[test]
-        fn first_hits_agree_with_blocking(
-            triangles in triangles(), from in point(), to in point(),
-        ) {
+    #[test]
+    fn first_hits_agree_with_blocking() {
+        for seed in 0..256 {
+            let random = &mut Random::new(seed);
+            let triangles = triangles(random);
+            let [from, to] = std::array::from_fn(|_| point(random));
             let occluders = Occluders::new(&triangles).unwrap();
             let hit = occluders.first_hit(from, to - from);
             if let Some(hit) = hit {
                 let [a, b, c] = triangles[hit.triangle].vertices;
                 let [u, v, w] = hit.weights;
                 let at = from + (to - from).normalize() * hit.distance;
-                prop_assert!(at.distance(a * u + b * v + c * w) < 1e-6);
+                assert!(at.distance(a * u + b * v + c * w) < 1e-6, "{seed}");
             }
             if occluders.blocked(from, to, [NO_FACE; 2]) {
-                prop_assert!(hit.is_some_and(|hit| hit.distance <= from.distance(to)));
+                assert!(hit.is_some_and(|hit| hit.distance <= from.distance(to)), "{seed}");
             }
         }
     }
