@@ -45,6 +45,10 @@ pub trait Number:
     fn cos(self) -> Self;
     /// The hyperbolic tangent.
     fn tanh(self) -> Self;
+    /// The error function 2/√π ∫₀ˣ e^(−t²) dt.
+    fn erf(self) -> Self;
+    /// The complementary error function 1 − erf x, to all its digits also where it is small.
+    fn erfc(self) -> Self;
     /// xⁿ for a whole number n.
     fn powi(self, n: i32) -> Self;
     /// xᵖ for x ≥ 0.
