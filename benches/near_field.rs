@@ -4,7 +4,7 @@
 use std::hint::black_box;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use farfield::{Kernel, Numbers, Point, Real, formula, from_fn, relative_l2_error};
+use farfield::{Kernel, Numbers, Point, Real, formula, from_fn, math, relative_l2_error};
 use farfield_benches::clouds;
 use farfield_potentials::InverseDistance;
 use glam::{DVec3, Vec3};
@@ -132,6 +132,11 @@ fn near_field(criterion: &mut Criterion) {
         (-r).exp() / r
     });
     measure(criterion, "closure exp(-r)/r, f64", &yukawa, f64s, &charges, none);
+    let yukawa = from_fn(|x: DVec3, y: DVec3| {
+        let r = x.distance(y);
+        math::exp(-r) / r
+    });
+    measure(criterion, "closure math::exp(-r)/r, f64", &yukawa, f64s, &charges, none);
     formulas::<f64>(criterion, "f64", f64s, &charges, 1e-14);
 
     let single = |points: &[DVec3]| points.iter().map(|p| p.as_vec3()).collect::<Vec<_>>();
