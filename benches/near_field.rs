@@ -4,7 +4,7 @@
 use std::hint::black_box;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use farfield::{Kernel, Numbers, from_fn, relative_l2_error};
+use farfield::{Kernel, Numbers, Point, Real, formula, from_fn, math, relative_l2_error};
 use farfield_benches::clouds;
 use farfield_potentials::InverseDistance;
 use glam::{DVec3, Vec3};
@@ -86,6 +86,33 @@ fn measure<K: Kernel>(
     group.finish();
 }
 
+/// Formulas that are evaluated side by side, with the functions that kernels are made of.
+fn formulas<T: Real>(
+    criterion: &mut Criterion,
+    precision: &str,
+    points: (&[Point<T>], &[Point<T>]),
+    charges: &[T],
+    rounding: f64,
+) {
+    macro_rules! measure {
+        ($($name:literal |$d:ident| $entry:expr;)*) => {$(
+            let kernel = formula!(|$d| $entry).skip_coincident();
+            let name = format!("formula {}, {precision}", $name);
+            measure(criterion, &name, &kernel, points, charges, (&TOLERANCES[..1], rounding));
+        )*};
+    }
+    measure! {
+        "1/r" |d| d.length().recip();
+        "exp(-5r)/r" |d| (d.length() * -5.0).exp() / d.length();
+        "exp(-5r²)" |d| (d.length_squared() * -5.0).exp();
+        "cos(3r)/r" |d| (d.length() * 3.0).cos() / d.length();
+        "ln r" |d| d.length().ln();
+        "r^0.7" |d| d.length().powf(0.7);
+        "erfc(r)/r" |d| d.length().erfc() / d.length();
+        "tanh r" |d| d.length().tanh();
+    }
+}
+
 fn near_field(criterion: &mut Criterion) {
     let points = clouds::even(2 * SHAPES[0].points);
     let (xs, ys) = points.split_at(SHAPES[0].points);
@@ -99,12 +126,18 @@ fn near_field(criterion: &mut Criterion) {
     let columns: Vec<[f64; 3]> = charges.iter().map(|q| [*q, 1.0, 2.0 * q]).collect();
     measure(criterion, "1/r, 3 columns, f64", &inverse.charges(), f64s, &columns, all);
     let formula = from_fn(|x: DVec3, y: DVec3| 1.0 / x.distance(y)).skip_coincident();
-    measure(criterion, "formula 1/r, f64", &formula, f64s, &charges, none);
+    measure(criterion, "closure 1/r, f64", &formula, f64s, &charges, none);
     let yukawa = from_fn(|x: DVec3, y: DVec3| {
         let r = x.distance(y);
         (-r).exp() / r
     });
-    measure(criterion, "formula exp(-r)/r, f64", &yukawa, f64s, &charges, none);
+    measure(criterion, "closure exp(-r)/r, f64", &yukawa, f64s, &charges, none);
+    let yukawa = from_fn(|x: DVec3, y: DVec3| {
+        let r = x.distance(y);
+        math::exp(-r) / r
+    });
+    measure(criterion, "closure math::exp(-r)/r, f64", &yukawa, f64s, &charges, none);
+    formulas::<f64>(criterion, "f64", f64s, &charges, 1e-14);
 
     let single = |points: &[DVec3]| points.iter().map(|p| p.as_vec3()).collect::<Vec<_>>();
     let (xs, ys) = (single(xs), single(ys));
@@ -115,7 +148,8 @@ fn near_field(criterion: &mut Criterion) {
     measure(criterion, "1/r, f32", &inverse, f32s, &charges, all);
     measure(criterion, "1/r and gradient, f32", &inverse.with_gradient(), f32s, &charges, all);
     let formula = from_fn(|x: Vec3, y: Vec3| 1.0 / x.distance(y)).skip_coincident();
-    measure(criterion, "formula 1/r, f32", &formula, f32s, &charges, none);
+    measure(criterion, "closure 1/r, f32", &formula, f32s, &charges, none);
+    formulas::<f32>(criterion, "f32", f32s, &charges, 1e-5);
 }
 
 criterion_group!(benches, near_field);

@@ -77,6 +77,7 @@ pub use kernel::formula_kernel::{FormulaGradient, FormulaKernel, from_formula};
 pub use kernel::mask::{CellView, Coverage, Mask, Unmasked, direct_masked};
 pub use kernel::traits::{Kernel, Outcome};
 pub use kernel::with_gradient::WithGradient;
+pub use numbers::math;
 pub use numbers::number::{Coordinates, Number};
 #[cfg(feature = "ndarray")]
 pub use numbers::rows::rows_as_points;

@@ -4,7 +4,7 @@ use pulp::Simd;
 
 use crate::interpolation::entries::zero;
 use crate::linalg::matrix::Matrix;
-use crate::numbers::lanes::LANES;
+use crate::numbers::lane::LANES;
 use crate::numbers::traits::Scalar;
 
 /// a b + c, rounded once where the processor can do that.

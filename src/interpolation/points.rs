@@ -13,7 +13,7 @@ use crate::interpolation::basis::Basis;
 use crate::interpolation::chebyshev::{derivatives_in_lanes, polynomials_in_lanes};
 use crate::interpolation::lanes::{fuse, multiply_add, row};
 use crate::interpolation::tuning::{MAX_ORDER, POINTS_TOGETHER, ROWS_TOGETHER};
-use crate::numbers::lanes::LANES;
+use crate::numbers::lane::LANES;
 use crate::numbers::traits::{Real, Scalar};
 
 /// P2M of a cell.

@@ -16,9 +16,10 @@ use crate::numbers::traits::{Located, Numbers, Point, Scalar};
 /// coincident points too, and what it gives there counts unless
 /// [`skip_coincident`](FnKernel::skip_coincident) is asked for.
 ///
-/// A closure is called pair by pair, in the precision of its points. A
-/// [`Formula`](crate::Formula) is evaluated for several pairs side by side, and derives its own
-/// gradient.
+/// A closure is called pair by pair, in the precision of its points. Elementary functions of the module
+/// [`math`](crate::math), such as `math::exp(-r)`, let the compiler work on several pairs at once, where calls of
+/// the standard library don't. A [`Formula`](crate::Formula) is evaluated for several pairs side by side in any
+/// case, and derives its own gradient.
 ///
 /// ```
 /// use farfield::glam::DVec3;

@@ -21,6 +21,7 @@ use crate::numbers::traits::{Real, Scalar, sealed};
 /// impl Formula for Yukawa {
 ///     type Of = Difference;
 ///     type Entry<N: Number> = N;
+///     #[inline(always)]
 ///     fn entries<N: Number>(&self, d: Coordinates<N>, g: &mut [N]) {
 ///         let r = d.length();
 ///         g[0] = (r * -self.kappa).exp() / r;
@@ -42,6 +43,9 @@ pub trait Formula: Send + Sync {
 
     /// Writes the entries into `g`, row after row: [`fields`](Self::fields) ×
     /// [`densities`](Self::densities) of them.
+    ///
+    /// Mark it `#[inline(always)]`. It is called for one pair, in loops that are compiled for registers of several
+    /// pairs: only a body that is inlined becomes part of them.
     fn entries<N: Number>(&self, at: <Self::Of as Form>::At<N>, g: &mut [Self::Entry<N>]);
 
     /// How many fields a target receives: the rows of the matrix.

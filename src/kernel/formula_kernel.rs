@@ -6,7 +6,8 @@ use std::marker::PhantomData;
 use crate::error::Error;
 use crate::kernel::derivatives::{Derivatives, WithHessian};
 use crate::kernel::formula::{Formula, FormulaEntry};
-use crate::kernel::side_by_side::{FormulaBlock, Pack, entries_side_by_side, slopes};
+use crate::kernel::formula_block::FormulaBlock;
+use crate::kernel::side_by_side::{Near, entries_side_by_side, slopes};
 use crate::kernel::traits::{Kernel, Outcome, add_fields, check_densities, columns_of_a_charge};
 use crate::kernel::with_gradient::WithGradient;
 use crate::numbers::traits::{Located, Numbers, Point, Scalar};
@@ -121,7 +122,7 @@ impl<F, P, Q, U, S> fmt::Debug for FormulaKernel<F, P, Q, U, S> {
 }
 
 /// The number type of a formula's entries in the precision `T`.
-type EntryOf<F, T> = <<F as Formula>::Entry<Pack<T>> as FormulaEntry<Pack<T>>>::Scalar;
+type EntryOf<F, T> = <<F as Formula>::Entry<Near<T>> as FormulaEntry<Near<T>>>::Scalar;
 
 impl<F, P, Q, U, S> Kernel for FormulaKernel<F, P, Q, U, S>
 where

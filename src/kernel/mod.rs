@@ -6,6 +6,7 @@ pub(crate) mod closure;
 pub(crate) mod derivatives;
 pub(crate) mod direct;
 pub(crate) mod formula;
+pub(crate) mod formula_block;
 pub(crate) mod formula_kernel;
 pub(crate) mod mask;
 pub(crate) mod pair_loop;

@@ -3,7 +3,7 @@
 use pulp::{Simd, WithSimd};
 
 use crate::dispatch_level::dispatch_up_to_avx2;
-use crate::numbers::lanes::LANES;
+use crate::numbers::lane::LANES;
 
 /// `us[i]` += Σ_j K(x_i, y_j) q_j, each pair by `add`, with the same bits as the plain double loop.
 ///

@@ -1,17 +1,24 @@
 //! Formulas on several pairs side by side.
 
+use std::ops::Range;
+
 use pulp::{Simd, WithSimd};
 
 use crate::dispatch_level::dispatch_up_to_avx2;
 use crate::kernel::formula::{Form, Formula, FormulaEntry};
-use crate::kernel::traits::Kernel;
 use crate::numbers::dual::Dual;
-use crate::numbers::lanes::{LANES, Lanes};
+use crate::numbers::lane::Lane;
 use crate::numbers::number::{Coordinates, Number};
-use crate::numbers::traits::{Located, Numbers, Point, Real, Scalar, Vector};
+use crate::numbers::traits::{Located, Point, Real, Scalar, Vector};
 
-/// The numbers of several pairs.
-pub(super) type Pack<T> = Lanes<T, LANES>;
+/// Pairs that are worked on side by side, at most: enough for loops over them to cost little more than what
+/// they do.
+pub(super) const PLACES: usize = 32;
+
+/// The number that formulas are evaluated in, unless an angle of theirs is too large.
+pub(super) type Near<T> = Lane<T, false>;
+/// The number that formulas are evaluated in then.
+type Far<T> = Lane<T, true>;
 
 /// Writes the entries of all pairs of a block, as
 /// [`Kernel::entries_block`](crate::Kernel::entries_block) does.
@@ -31,13 +38,13 @@ pub(super) fn slopes<F: Formula, S: Scalar>(
     y: Point<S::Real>,
     g: &mut [[S; 3]],
 ) {
-    let at = F::Of::at::<Lanes<S::Real, 1>>(everywhere(x), everywhere(y));
     let mut entries = vec![FormulaEntry::zero(); g.len()];
-    formula.entries(F::Of::with_derivatives(at), &mut entries);
+    let at = Dual::<Far<S::Real>>::at::<F::Of>(x.to_array(), y.to_array());
+    formula.entries(at, &mut entries);
     for (g, entry) in g.iter_mut().zip(entries) {
         let parts = entry.parts();
-        *g = [0, 1, 2].map(|axis| {
-            let [re, im] = parts.map(|part| part.slope[axis].0[0]);
+        *g = [1, 2, 3].map(|part| {
+            let [re, im] = parts.map(|number| number.part(part).value);
             S::from_parts(re, im)
         });
     }
@@ -57,222 +64,219 @@ impl<F: Formula, S: Scalar> WithSimd for Entries<'_, F, S> {
     fn with_simd<V: Simd>(self, _: V) {
         let Self { formula, xs, ys, g } = self;
         let len = formula.fields() * formula.densities();
-        let mut entries = vec![FormulaEntry::zero(); len];
-        let mut pairs = |x, y, places: usize, g: &mut [S], stride: usize| {
-            formula.entries(F::Of::at::<Pack<S::Real>>(x, y), &mut entries);
-            for (k, entry) in entries.iter().enumerate() {
-                let [re, im] = entry.parts();
-                for lane in 0..places {
-                    g[lane * stride + k] = S::from_parts(re.0[lane], im.0[lane]);
-                }
-            }
-        };
         let row = ys.len() * len;
+        if row == 0 {
+            return;
+        }
+        let mut evaluator = Evaluator::<Near<S::Real>, F, S>::new(formula);
         if ys.len() >= xs.len() {
-            for (x, g) in xs.iter().zip(g.chunks_exact_mut(row.max(1))) {
-                for (ys, g) in ys.chunks(LANES).zip(g.chunks_mut(LANES * len.max(1))) {
-                    pairs(everywhere(*x), packed(ys), ys.len(), g, len);
+            for (x, g) in xs.iter().zip(g.chunks_exact_mut(row)) {
+                let x = x.to_array();
+                for (ys, g) in ys.chunks(PLACES).zip(g.chunks_mut(PLACES * len)) {
+                    let y = Points::new(ys);
+                    evaluator.evaluate(y.places(), |_| x, |lane| y.at(lane));
+                    for (lane, g) in g.chunks_exact_mut(len).enumerate() {
+                        evaluator.write(lane, g);
+                    }
                 }
             }
         } else {
-            for (xs, g) in xs.chunks(LANES).zip(g.chunks_mut(LANES * row.max(1))) {
+            for (xs, g) in xs.chunks(PLACES).zip(g.chunks_mut(PLACES * row)) {
+                let x = Points::new(xs);
                 for (j, y) in ys.iter().enumerate() {
-                    pairs(packed(xs), everywhere(*y), xs.len(), &mut g[j * len..], row);
-                }
-            }
-        }
-    }
-}
-
-/// The near field of a formula's kernel: R_x Σ_j G(x_i, y_j) S_y q_j for all targets of a block.
-pub(super) struct FormulaBlock<'a, K: Kernel, F> {
-    pub(super) kernel: &'a K,
-    pub(super) formula: &'a F,
-    pub(super) skip_coincident: bool,
-    pub(super) xs: &'a [K::Target],
-    pub(super) ys: &'a [K::Source],
-    pub(super) qs: &'a [K::Charge],
-    pub(super) us: &'a mut [K::Value],
-}
-
-impl<K: Kernel, F: Formula> FormulaBlock<'_, K, F> {
-    /// Adds to the values.
-    pub(super) fn add(self) {
-        let kernel = self.kernel;
-        let numbers = kernel.fields() * kernel.densities() * kernel.columns();
-        if !self.ys.is_empty() && numbers > 0 {
-            dispatch_up_to_avx2(self);
-        }
-    }
-
-    /// The sums in numbers of type `W`.
-    #[inline(always)]
-    fn sum<W: Wide<K::Real>>(self) {
-        let Self { kernel, formula, skip_coincident, xs, ys, qs, us } = self;
-        let (fields, densities, columns) = (kernel.fields(), kernel.densities(), kernel.columns());
-        let zero = <K::Entry as Numbers>::zero();
-        let mut sent = vec![zero; ys.len() * densities * columns];
-        for ((y, q), d) in ys.iter().zip(qs).zip(sent.chunks_exact_mut(densities * columns)) {
-            kernel.density(y, q, d);
-        }
-        let mut entries = vec![FormulaEntry::<W>::zero(); fields * densities];
-        let mut sums = vec![[[Pack::constant(0.0); 2]; MOST_PARTS]; fields * columns];
-        let mut received = vec![zero; fields * columns];
-        let mut slopes = vec![[zero; 3]; if W::PARTS > 1 { fields * columns } else { 0 }];
-        for (xs, us) in xs.chunks(LANES).zip(us.chunks_mut(LANES)) {
-            let x = packed(xs);
-            sums.fill([[Pack::constant(0.0); 2]; MOST_PARTS]);
-            for (y, d) in ys.iter().zip(sent.chunks_exact(densities * columns)) {
-                let y = everywhere(y.position());
-                formula.entries(W::at::<F::Of>(x, y), &mut entries);
-                let coincident = if skip_coincident { equal(x, y) } else { [false; LANES] };
-                for (k, entry) in entries.iter().enumerate() {
-                    let (field, density) = (k / densities * columns, k % densities * columns);
-                    let parts = entry.parts();
-                    for column in 0..columns {
-                        let [d_re, d_im] = d[density + column].parts();
-                        let sums = &mut sums[field + column];
-                        for (part, sum) in sums.iter_mut().enumerate().take(W::PARTS) {
-                            let [re, im] = parts.map(|p| p.part(part));
-                            let re = Pack::select(coincident, Pack::constant(0.0), re);
-                            sum[0] = sum[0] + re.scaled(d_re);
-                            if K::Entry::COMPLEX {
-                                let im = Pack::select(coincident, Pack::constant(0.0), im);
-                                sum[0] = sum[0] - im.scaled(d_im);
-                                sum[1] = sum[1] + re.scaled(d_im) + im.scaled(d_re);
-                            }
-                        }
+                    let y = y.to_array();
+                    evaluator.evaluate(x.places(), |lane| x.at(lane), |_| y);
+                    for (lane, g) in g.chunks_exact_mut(row).enumerate() {
+                        evaluator.write(lane, &mut g[j * len..][..len]);
                     }
                 }
             }
-            for (lane, (x, u)) in xs.iter().zip(us).enumerate() {
-                for (k, sums) in sums.iter().enumerate() {
-                    let at = |part: usize| {
-                        let [re, im] = sums[part].map(|sum: Pack<K::Real>| sum.0[lane]);
-                        K::Entry::from_parts(re, im)
-                    };
-                    received[k] = at(0);
-                    if W::PARTS > 1 {
-                        slopes[k] = [at(1), at(2), at(3)];
-                    }
+        }
+    }
+}
+
+/// A formula, and its entries for several pairs.
+pub(super) struct Evaluator<'a, W: Wide<S::Real>, F: Formula, S: Scalar> {
+    formula: &'a F,
+    /// The entries of one pair, if they are many.
+    many: Vec<F::Entry<W>>,
+    /// All numbers of all entries, each for all pairs: the real parts of an entry, then the imaginary ones.
+    pub(super) numbers: Vec<[S::Real; PLACES]>,
+}
+
+impl<'a, W: Wide<S::Real>, F: Formula, S: Scalar> Evaluator<'a, W, F, S> {
+    #[inline(always)]
+    pub(super) fn new(formula: &'a F) -> Self {
+        let len = formula.fields() * formula.densities();
+        let many = vec![FormulaEntry::zero(); if len > FEW { len } else { 0 }];
+        let numbers = vec![[S::Real::from_f64(0.0); PLACES]; len * S::PARTS * W::PARTS];
+        Self { formula, many, numbers }
+    }
+
+    /// Evaluates the formula for the pairs at some of the places.
+    #[inline(always)]
+    pub(super) fn evaluate(
+        &mut self,
+        places: Range<usize>,
+        x: impl Fn(usize) -> [S::Real; 3],
+        y: impl Fn(usize) -> [S::Real; 3],
+    ) {
+        let Self { formula, many, numbers } = self;
+        if fill::<W, F, S>(formula, many, numbers, places.clone(), &x, &y) {
+            fill_far::<W::Far, F, S>(formula, numbers, places, &x, &y);
+        }
+    }
+
+    /// Makes all entries of a pair zero.
+    #[inline(always)]
+    pub(super) fn clear(&mut self, lane: usize) {
+        for number in &mut self.numbers {
+            number[lane] = S::Real::from_f64(0.0);
+        }
+    }
+
+    /// Writes the entries of a pair.
+    #[inline(always)]
+    fn write(&self, lane: usize, g: &mut [S]) {
+        for (g, numbers) in g.iter_mut().zip(self.numbers.chunks_exact(S::PARTS * W::PARTS)) {
+            *g = scalar(numbers, 0, lane);
+        }
+    }
+}
+
+/// Entries of one pair that stay in registers.
+const FEW: usize = 10;
+
+/// Fills in the numbers of an [`Evaluator`], and says whether some are wrong because an angle is too large.
+#[inline(always)]
+fn fill<W: Wide<S::Real>, F: Formula, S: Scalar>(
+    formula: &F,
+    many: &mut [F::Entry<W>],
+    numbers: &mut [[S::Real; PLACES]],
+    places: Range<usize>,
+    x: &impl Fn(usize) -> [S::Real; 3],
+    y: &impl Fn(usize) -> [S::Real; 3],
+) -> bool {
+    let len = formula.fields() * formula.densities();
+    let width = S::PARTS * W::PARTS;
+    // Where the compiler knows the length of the entries, it has to see that this is as long.
+    let numbers = &mut numbers[..len * width];
+    let mut wrong = false;
+    for lane in places {
+        let mut few = [FormulaEntry::zero(); FEW];
+        let entries = if len <= FEW { &mut few[..len] } else { &mut *many };
+        formula.entries(W::at::<F::Of>(x(lane), y(lane)), entries);
+        for (entry, numbers) in entries.iter().zip(numbers.chunks_exact_mut(width)) {
+            for (entry, numbers) in entry.parts().iter().zip(numbers.chunks_exact_mut(W::PARTS)) {
+                for (part, number) in numbers.iter_mut().enumerate() {
+                    let found = entry.part(part);
+                    number[lane] = found.value;
+                    wrong |= found.wrong;
                 }
-                kernel.value(x, &received, &slopes, u);
             }
         }
     }
-
-    /// The sums of a real formula of one field, one density and one right-hand side, values alone: the
-    /// case that is worth a loop of its own.
-    #[inline(always)]
-    fn sum_one(self) {
-        let Self { kernel, formula, skip_coincident, xs, ys, qs, us } = self;
-        let zero = <K::Entry as Numbers>::zero();
-        let mut sent = vec![zero; ys.len()];
-        for ((y, q), d) in ys.iter().zip(qs).zip(sent.chunks_exact_mut(1)) {
-            kernel.density(y, q, d);
-        }
-        for (xs, us) in xs.chunks(LANES).zip(us.chunks_mut(LANES)) {
-            let x = packed(xs);
-            let mut sum = Pack::constant(0.0);
-            for (y, d) in ys.iter().zip(&sent) {
-                let y = everywhere(y.position());
-                let mut entry = [FormulaEntry::<Pack<K::Real>>::zero()];
-                formula.entries(F::Of::at(x, y), &mut entry);
-                let coincident = if skip_coincident { equal(x, y) } else { [false; LANES] };
-                let k = Pack::select(coincident, Pack::constant(0.0), entry[0].parts()[0]);
-                sum = sum + k.scaled(d.parts()[0]);
-            }
-            for ((x, u), sum) in xs.iter().zip(us).zip(sum.0) {
-                kernel.value(x, &[K::Entry::from_real(sum)], &[], u);
-            }
-        }
-    }
+    wrong
 }
 
-impl<K: Kernel, F: Formula> WithSimd for FormulaBlock<'_, K, F> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<V: Simd>(self, _: V) {
-        let kernel = self.kernel;
-        let components = kernel.fields() * kernel.densities() * kernel.columns();
-        if kernel.needs_gradients() {
-            self.sum::<Dual<Pack<K::Real>>>();
-        } else if components == 1 && !K::Entry::COMPLEX {
-            self.sum_one();
-        } else {
-            self.sum::<Pack<K::Real>>();
-        }
-    }
+/// As [`fill`], for angles of any size.
+#[inline(never)]
+fn fill_far<W: Wide<S::Real>, F: Formula, S: Scalar>(
+    formula: &F,
+    numbers: &mut [[S::Real; PLACES]],
+    places: Range<usize>,
+    x: &impl Fn(usize) -> [S::Real; 3],
+    y: &impl Fn(usize) -> [S::Real; 3],
+) {
+    let mut many = vec![FormulaEntry::zero(); formula.fields() * formula.densities()];
+    fill::<W, F, S>(formula, &mut many, numbers, places, x, y);
 }
 
-/// The most parts that a number of [`Wide`] has: a value and three derivatives.
-const MOST_PARTS: usize = 4;
+/// A part of an entry from its numbers: 0 for its value, or 1 to 3 for a derivative.
+#[inline(always)]
+pub(super) fn scalar<S: Scalar>(numbers: &[[S::Real; PLACES]], part: usize, lane: usize) -> S {
+    let imaginary = numbers.len() / S::PARTS + part;
+    let im = if S::COMPLEX { numbers[imaginary][lane] } else { S::Real::from_f64(0.0) };
+    S::from_parts(numbers[part][lane], im)
+}
 
-/// Numbers that a near field is summed in: with derivatives or without.
-trait Wide<T: Real>: Number<Real = T> {
+/// Numbers that formulas are evaluated in: with derivatives or without.
+pub(super) trait Wide<T: Real>: Number<Real = T> {
     /// 1, or 4 with derivatives.
     const PARTS: usize;
+    /// The same for angles of any size.
+    type Far: Wide<T>;
     /// The argument of a formula.
-    fn at<O: Form>(x: Coordinates<Pack<T>>, y: Coordinates<Pack<T>>) -> O::At<Self>;
+    fn at<O: Form>(x: [T; 3], y: [T; 3]) -> O::At<Self>;
     /// The value, or a derivative.
-    fn part(&self, part: usize) -> Pack<T>;
+    fn part(&self, part: usize) -> Near<T>;
 }
 
-impl<T: Real> Wide<T> for Pack<T> {
+impl<T: Real, const FAR: bool> Wide<T> for Lane<T, FAR> {
     const PARTS: usize = 1;
+    type Far = Far<T>;
     #[inline(always)]
-    fn at<O: Form>(x: Coordinates<Self>, y: Coordinates<Self>) -> O::At<Self> {
-        O::at(x, y)
+    fn at<O: Form>(x: [T; 3], y: [T; 3]) -> O::At<Self> {
+        O::at(coordinates(x), coordinates(y))
     }
     #[inline(always)]
-    fn part(&self, _: usize) -> Self {
-        *self
-    }
-}
-
-impl<T: Real> Wide<T> for Dual<Pack<T>> {
-    const PARTS: usize = MOST_PARTS;
-    #[inline(always)]
-    fn at<O: Form>(x: Coordinates<Pack<T>>, y: Coordinates<Pack<T>>) -> O::At<Self> {
-        O::with_derivatives(O::at(x, y))
-    }
-    #[inline(always)]
-    fn part(&self, part: usize) -> Pack<T> {
-        if part == 0 { self.value } else { self.slope[part - 1] }
+    fn part(&self, _: usize) -> Near<T> {
+        Lane { value: self.value, wrong: self.wrong }
     }
 }
 
-/// Points side by side; places beyond the last hold it again.
+impl<T: Real, const FAR: bool> Wide<T> for Dual<Lane<T, FAR>> {
+    const PARTS: usize = 4;
+    type Far = Dual<Far<T>>;
+    #[inline(always)]
+    fn at<O: Form>(x: [T; 3], y: [T; 3]) -> O::At<Self> {
+        O::with_derivatives(O::at(coordinates(x), coordinates(y)))
+    }
+    #[inline(always)]
+    fn part(&self, part: usize) -> Near<T> {
+        if part == 0 { self.value.part(0) } else { self.slope[part - 1].part(0) }
+    }
+}
+
 #[inline(always)]
-fn packed<P: Located>(points: &[P]) -> Coordinates<Pack<P::Real>> {
-    let zero = P::Real::from_f64(0.0);
-    let mut packed = [[zero; LANES]; 3];
-    for lane in 0..LANES {
-        let p = points[lane.min(points.len() - 1)].position().to_array();
-        for axis in 0..3 {
-            packed[axis][lane] = p[axis];
-        }
-    }
-    let [x, y, z] = packed.map(Lanes);
+fn coordinates<T: Real, const FAR: bool>(p: [T; 3]) -> Coordinates<Lane<T, FAR>> {
+    let [x, y, z] = p.map(Lane::new);
     Coordinates { x, y, z }
 }
 
-/// The same point in every place.
-#[inline(always)]
-fn everywhere<V: Vector<T>, T: Real, const L: usize>(p: V) -> Coordinates<Lanes<T, L>> {
-    let [x, y, z] = p.to_array().map(|x| Lanes([x; L]));
-    Coordinates { x, y, z }
+/// Points side by side.
+pub(super) struct Points<T> {
+    coordinates: [[T; PLACES]; 3],
+    count: usize,
 }
 
-/// Where two points are the same.
-#[inline(always)]
-fn equal<T: Real>(a: Coordinates<Pack<T>>, b: Coordinates<Pack<T>>) -> [bool; LANES] {
-    let mut same = [true; LANES];
-    for (a, b) in a.to_array().iter().zip(b.to_array()) {
-        for (lane, same) in same.iter_mut().enumerate() {
-            *same &= a.0[lane] == b.0[lane];
+impl<T: Real> Points<T> {
+    /// Some points, [`PLACES`] at most. Places beyond the last hold it again.
+    #[inline(always)]
+    pub(super) fn new<P: Located<Real = T>>(points: &[P]) -> Self {
+        let mut packed =
+            Self { coordinates: [[T::from_f64(0.0); PLACES]; 3], count: points.len().min(PLACES) };
+        for lane in packed.places() {
+            let p = points[lane.min(packed.count - 1)].position().to_array();
+            for (coordinates, p) in packed.coordinates.iter_mut().zip(p) {
+                coordinates[lane] = p;
+            }
         }
+        packed
     }
-    same
+
+    /// The places that hold points: a whole number of registers.
+    #[inline(always)]
+    pub(super) fn places(&self) -> Range<usize> {
+        /// The widest registers have 512 bits.
+        const BYTES: usize = 64;
+        0..self.count.next_multiple_of(BYTES / size_of::<T>()).min(PLACES)
+    }
+
+    /// The point at a place.
+    #[inline(always)]
+    pub(super) fn at(&self, lane: usize) -> [T; 3] {
+        let [x, y, z] = &self.coordinates;
+        [x[lane], y[lane], z[lane]]
+    }
 }

@@ -1,5 +1,6 @@
 //! Numbers that carry their derivatives along.
 
+use std::f64::consts::FRAC_2_SQRT_PI;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use crate::numbers::number::Number;
@@ -163,6 +164,14 @@ impl<N: Number> Number for Dual<N> {
         self.chain(tanh, -(tanh * tanh) + 1.0)
     }
     #[inline(always)]
+    fn erf(self) -> Self {
+        self.chain(self.value.erf(), erf_slope(self.value))
+    }
+    #[inline(always)]
+    fn erfc(self) -> Self {
+        self.chain(self.value.erfc(), -erf_slope(self.value))
+    }
+    #[inline(always)]
     fn powi(self, n: i32) -> Self {
         // x⁰ is flat, also at x = 0, where x⁻¹ is not a number.
         let derivative =
@@ -185,13 +194,19 @@ impl<N: Number> Number for Dual<N> {
     }
 }
 
+/// The derivative 2/√π e^(−x²) of the error function.
+#[inline(always)]
+fn erf_slope<N: Number>(x: N) -> N {
+    (-(x * x)).exp() * FRAC_2_SQRT_PI
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::numbers::lanes::Lanes;
+    use crate::numbers::lane::Lane;
     use approx::assert_relative_eq;
 
-    type Plain = Lanes<f64, 1>;
+    type Plain = Lane<f64, false>;
     type Twice = Dual<Dual<Plain>>;
 
     /// A named function of (x, y, z), in any numbers.
@@ -200,12 +215,12 @@ mod tests {
     }
 
     fn plain<F: Function>([x, y, z]: [f64; 3]) -> f64 {
-        F::at(Lanes([x]), Lanes([y]), Lanes([z])).0[0]
+        F::at::<Plain>(Lane::new(x), Lane::new(y), Lane::new(z)).value
     }
 
     fn twice<F: Function>(p: [f64; 3]) -> Twice {
         let [x, y, z] = [0, 1, 2].map(|axis| {
-            let inner = Dual::along(Lanes([p[axis]]), axis);
+            let inner = Dual::along(Lane::new(p[axis]), axis);
             Dual::along(inner, axis)
         });
         F::at(x, y, z)
@@ -214,7 +229,7 @@ mod tests {
     /// First and second derivatives against central differences.
     fn check<F: Function>(p: [f64; 3]) {
         let found = twice::<F>(p);
-        assert_eq!(found.value.value.0[0], plain::<F>(p));
+        assert_eq!(found.value.value.value, plain::<F>(p));
         let moved = |steps: &[(usize, f64)]| {
             let mut moved = p;
             steps.iter().for_each(|&(axis, step)| moved[axis] += step);
@@ -223,14 +238,14 @@ mod tests {
         let h = 1e-4;
         for i in 0..3 {
             let slope = (moved(&[(i, h)]) - moved(&[(i, -h)])) / (2.0 * h);
-            let both = [found.slope[i].value.0[0], found.value.slope[i].0[0]];
+            let both = [found.slope[i].value.value, found.value.slope[i].value];
             assert_relative_eq!(both[0], both[1], max_relative = 1e-14);
             assert_relative_eq!(both[0], slope, epsilon = 1e-6, max_relative = 1e-6);
             for j in 0..3 {
                 let corner = |a: f64, b: f64| moved(&[(i, a * h), (j, b * h)]);
                 let sum = corner(1.0, 1.0) - corner(1.0, -1.0) - corner(-1.0, 1.0);
                 let curvature = (sum + corner(-1.0, -1.0)) / (4.0 * h * h);
-                let exact = found.slope[i].slope[j].0[0];
+                let exact = found.slope[i].slope[j].value;
                 assert_relative_eq!(exact, curvature, epsilon = 2e-5, max_relative = 2e-5);
             }
         }
@@ -251,6 +266,7 @@ mod tests {
         Arithmetic |x, y, z| (x * y - z / x + y * 3.0 - 2.0) / (z + 4.0) / 2.0 - (-x) * z;
         Roots |x, y, z| (x * x + y * y + z * z).sqrt().recip() + (x * y).sqrt();
         Exponentials |x, y, z| (-(x * y)).exp() * z.ln() + (x * z).tanh();
+        Errors |x, y, z| (x * y).erf() * z.erfc();
         Waves |x, y, z| (x * y).sin() * z.cos() + (z * 2.0).sin();
         Powers |x, y, z| x.powi(3) * y.powi(-2) + z.powf(1.7) + x.powi(0) + y.powf(0.0) + y.powi(1);
         Choices |x, y, z| (x - 5.0).abs() * y.max(z) + N::select(x.less_than(y), x * x, y * y) + x.min(z);
@@ -262,6 +278,7 @@ mod tests {
             check::<Arithmetic>(p);
             check::<Roots>(p);
             check::<Exponentials>(p);
+            check::<Errors>(p);
             check::<Waves>(p);
             check::<Powers>(p);
             check::<Choices>(p);

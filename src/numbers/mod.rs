@@ -3,7 +3,8 @@
 pub(crate) mod bits;
 pub(crate) mod double_word;
 pub(crate) mod dual;
-pub(crate) mod lanes;
+pub(crate) mod lane;
+pub mod math;
 pub(crate) mod number;
 pub(crate) mod points;
 pub(crate) mod random;

@@ -6,6 +6,7 @@ use std::ops::{Add, Mul, Neg, Sub};
 use num_traits::{Float, FloatConst, MulAdd, NumAssign};
 
 use crate::linalg::dense::Dense;
+use crate::numbers::math::functions::Functions;
 
 /// A few real numbers side by side: a charge, a value, or a term of an expansion.
 ///
@@ -183,7 +184,7 @@ pub trait Scalar:
 /// A floating-point precision: `f32` or `f64`.
 ///
 /// Sealed: there are no others.
-pub trait Real: Scalar<Real = Self> + Float + FloatConst + std::fmt::Display {
+pub trait Real: Scalar<Real = Self> + Float + FloatConst + Functions + std::fmt::Display {
     /// The glam vector of this precision: [`Vec3`](glam::Vec3) or [`DVec3`](glam::DVec3).
     type Vector: Vector<Self>;
     /// The complex numbers of this precision.

@@ -280,3 +280,48 @@ fn gradients_in_single_precision() {
         exact.iter().map(|u| [u.value, u.gradient[0], u.gradient[1], u.gradient[2]]).collect();
     assert!(relative_l2_error(&wide, &exact) < 1e-5);
 }
+
+/// Formulas of angles up to 1e9, real and complex, against closures.
+#[test]
+fn angles_of_any_size_are_right() {
+    let (points, charges) = cloud();
+    let (points, charges) = (&points[..300], &charges[..300]);
+    for scale in [10.0, 1e6, 1e9] {
+        let wave = formula!(|d; scale| (d.length() * scale).sin() + (d.length() * scale).cos());
+        let closure = from_fn(move |x: DVec3, y: DVec3| {
+            let (sin, cos) = (x.distance(y) * scale).sin_cos();
+            sin + cos
+        });
+        let sums = direct(&wave, points, charges, points).unwrap();
+        let exact = direct(&closure, points, charges, points).unwrap();
+        assert!(relative_l2_error(&sums, &exact) < 1e-14, "{scale:e}");
+        let sums = direct(&wave.skip_coincident().gradient(), points, charges, points).unwrap();
+        let values: Vec<f64> = sums.iter().map(|u| u.value).collect();
+        let exact = direct(&closure.skip_coincident(), points, charges, points).unwrap();
+        assert!(relative_l2_error(&values, &exact) < 1e-14, "{scale:e}");
+
+        let spiral = from_formula(Spiral { scale });
+        let closure = from_fn(move |x: DVec3, y: DVec3| Complex::cis(x.distance(y) * scale));
+        let charges: Vec<Complex<f64>> = charges.iter().map(|q| Complex::new(*q, -q)).collect();
+        let sums = direct(&spiral, points, &charges, points).unwrap();
+        let exact = direct(&closure, points, &charges, points).unwrap();
+        assert!(relative_l2_error(&sums, &exact) < 1e-14, "{scale:e}");
+    }
+}
+
+/// e^(ikr)
+#[derive(Clone, Copy)]
+struct Spiral {
+    scale: f64,
+}
+
+impl Formula for Spiral {
+    type Of = Difference;
+    type Entry<N: Number> = Complex<N>;
+
+    #[inline(always)]
+    fn entries<N: Number>(&self, d: Coordinates<N>, g: &mut [Complex<N>]) {
+        let angle = d.length() * self.scale;
+        g[0] = Complex { re: angle.cos(), im: angle.sin() };
+    }
+}
