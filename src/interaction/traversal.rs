@@ -14,7 +14,7 @@ use crate::interaction::lists::{ALL, Lists, NONE, PairShare, Run, append};
 use crate::interaction::offsets::OffsetSet;
 use crate::kernel::mask::Coverage;
 use crate::numbers::traits::Real;
-use crate::octree::geometry::Cell;
+use crate::octree::geometry::{Cell, MAX_OFFSET};
 use crate::octree::shape::Node;
 use crate::octree::tree::Tree;
 use crate::parallel;
@@ -177,8 +177,7 @@ impl<T: Real> Traversal<'_, T> {
             let (target, source) = self.cells(t, s);
             if target.level() == source.level() {
                 let offset = source.offset_to(target);
-                // Well separated, for cells of one level.
-                if offset.iter().any(|o| o.unsigned_abs() > 1) {
+                if is_far(offset) {
                     found.offsets.insert(offset);
                     return found.m2l.items.push(s);
                 }
@@ -211,18 +210,24 @@ impl<T: Real> Traversal<'_, T> {
             return false;
         }
         let offset = source.offset_to(target);
-        let separated = offset.iter().any(|o| o.unsigned_abs() > 1);
-        if separated {
+        let is_far = is_far(offset);
+        if is_far {
             found.offsets.insert(offset);
             found.weighed.items.push(Weighed { source: s, eighths });
         }
-        separated
+        is_far
     }
 
     /// A target cell and a source cell.
     fn cells(&self, t: u32, s: u32) -> (&Cell<T>, &Cell<T>) {
         (&self.targets.cells[t as usize], &self.sources.cells[s as usize])
     }
+}
+
+/// Whether cells of one level are well separated, and not too far apart for their offset to be told.
+fn is_far(offset: [i32; 3]) -> bool {
+    let cells = offset.iter().fold(0, |most, o| most.max(o.abs()));
+    1 < cells && cells < MAX_OFFSET
 }
 
 /// What the cells of a level hand down.
