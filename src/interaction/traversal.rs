@@ -225,9 +225,9 @@ impl<T: Real> Traversal<'_, T> {
 }
 
 /// Whether cells of one level are well separated, and not too far apart for their offset to be told.
+#[inline]
 fn is_far(offset: [i32; 3]) -> bool {
-    let cells = offset.iter().fold(0, |most, o| most.max(o.abs()));
-    1 < cells && cells < MAX_OFFSET
+    offset.iter().any(|o| o.unsigned_abs() > 1) && offset.iter().all(|o| o.abs() < MAX_OFFSET)
 }
 
 /// What the cells of a level hand down.

@@ -60,20 +60,21 @@ impl<T: Real> Cube<T> {
         MAX_LEVEL.min(levels as usize)
     }
 
-    /// Integer coordinates of the level-[`MAX_LEVEL`] cell that holds `p`, with no more digits than one
-    /// key has and those rounded; points outside the cube are put into the nearest cell.
+    /// Integer coordinates of the cell that holds `p` among those that one key tells apart, from rounded
+    /// numbers; points outside the cube are put into the nearest cell.
     pub(crate) fn locate(&self, p: Point<T>) -> [u64; 3] {
         let (p, centre) = (p.to_array(), self.centre.to_array());
         std::array::from_fn(|k| {
             let d = p[k].as_f64() - centre[k].as_f64();
             let fraction = 0.5 * (d / self.half_width.as_f64() + 1.0);
-            let place = (fraction * CELLS_OF_KEY).clamp(0.0, CELLS_OF_KEY - 1.0) as u64;
-            place << (MAX_LEVEL - KEY_LEVELS)
+            let place = (fraction * CELLS_OF_KEY).clamp(0.0, CELLS_OF_KEY - 1.0);
+            u64::from(place as u32)
         })
     }
 
-    /// The same with the digits of all levels down to the [deepest](Self::deepest_level), none of them
-    /// rounded: however small a cell is beside the root, the points that it is said to hold lie in it.
+    /// Integer coordinates of the level-[`MAX_LEVEL`] cell that holds `p`, with no digits of levels below the
+    /// [deepest](Self::deepest_level) and none of the others rounded: however small a cell is beside the root,
+    /// the points that it is said to hold lie in it.
     pub(crate) fn locate_exactly(&self, p: Point<T>) -> [u64; 3] {
         let (p, centre) = (p.to_array(), self.centre.to_array());
         let unknown = MAX_LEVEL - self.deepest_level();
@@ -175,11 +176,14 @@ impl<T: Real> Cell<T> {
     #[inline]
     pub fn offset_to(&self, other: &Self) -> [i32; 3] {
         debug_assert_eq!(self.level, other.level);
+        let axis = |k: usize| other.coordinates[k] as i64 - self.coordinates[k] as i64;
         let most = i64::from(MAX_OFFSET);
-        std::array::from_fn(|k| {
-            let offset = other.coordinates[k] as i64 - self.coordinates[k] as i64;
-            offset.clamp(-most, most) as i32
-        })
+        // No two cells of a coarser level are that far apart.
+        if self.level <= MAX_OFFSET.ilog2() {
+            [axis(0) as i32, axis(1) as i32, axis(2) as i32]
+        } else {
+            [0, 1, 2].map(|k| axis(k).clamp(-most, most) as i32)
+        }
     }
 
     /// Whether at least one cell of the finer of the two levels lies between this cell and
@@ -331,7 +335,7 @@ mod tests {
         let outside = DVec3::new(-2.0, 2.0, 1.0);
         let last = (1 << MAX_LEVEL) - 1;
         assert_eq!(cube.locate_exactly(outside), [0, last, last]);
-        let rounded = |place: u64| place >> (MAX_LEVEL - KEY_LEVELS) << (MAX_LEVEL - KEY_LEVELS);
-        assert_eq!(cube.locate(outside), [0, last, last].map(rounded));
+        let last = (1 << KEY_LEVELS) - 1;
+        assert_eq!(cube.locate(outside), [0, last, last]);
     }
 }

@@ -8,7 +8,6 @@ use rayon::prelude::*;
 
 use crate::octree::geometry::MAX_LEVEL;
 use crate::octree::morton::{KEY_LEVELS, Keyed, morton_key, sort};
-use crate::parallel;
 
 /// The cells of an octree, level by level, in Morton order within a level; each holds the points
 /// `order[first..last]`. No cell is empty.
@@ -74,25 +73,23 @@ const CHUNK: usize = 4096;
 /// Integer coordinates among the cells of [`MAX_LEVEL`] of the point with some index.
 pub(crate) type Places<'a> = &'a (dyn Fn(u32) -> [u64; 3] + Sync);
 
-/// What cells are divided by.
-struct Division<'a> {
-    places: Places<'a>,
-    leaf_size: usize,
-    deepest_level: usize,
+/// The n-th key of a place.
+pub(crate) fn key(n: usize, place: [u64; 3]) -> u64 {
+    morton_key(place.map(|c| c >> (MAX_LEVEL - (n + 1) * KEY_LEVELS)))
 }
 
 impl Shape {
-    /// Sorts so many points into cells of at most `leaf_size` points. A cell is left larger only where
-    /// its points have one place on the deepest level. Points of a leaf keep their order. O(N) per four
-    /// levels; levels that only some points reach are no work for the others.
+    /// Sorts the points with these keys into cells of at most `leaf_size` points; what a key can't tell
+    /// apart is keyed anew by its `places`. A cell is left larger only where its points have one place on
+    /// the deepest level. Points of a leaf keep their order. O(N) per four levels; levels that only some
+    /// points reach are no work for the others.
     pub(crate) fn new(
-        points: usize,
+        mut sorted: Vec<Keyed>,
         places: Places<'_>,
         leaf_size: usize,
         deepest_level: usize,
     ) -> Self {
         let division = Division { places, leaf_size, deepest_level };
-        let mut sorted = parallel::map(points, &|i| division.keyed(i as u32, 0));
         division.sort(&mut sorted);
         let mut shape = Self {
             nodes: Vec::new(),
@@ -100,8 +97,8 @@ impl Shape {
             leaves: Vec::new(),
             order: Vec::new(),
         };
-        if points > 0 {
-            shape.nodes.push(Node::leaf(0..points as u32, 0, 0));
+        if !sorted.is_empty() {
+            shape.nodes.push(Node::leaf(0..sorted.len() as u32, 0, 0));
             shape.level_starts.push(1);
             while shape.split_last_level(&mut sorted, &division) {}
             shape.collect_leaves();
@@ -215,13 +212,14 @@ impl Shape {
     }
 }
 
-impl Division<'_> {
-    /// A point with its n-th key.
-    fn keyed(&self, index: u32, n: usize) -> Keyed {
-        let below = MAX_LEVEL - (n + 1) * KEY_LEVELS;
-        Keyed { key: morton_key((self.places)(index).map(|c| c >> below)), index }
-    }
+/// What cells are divided by.
+struct Division<'a> {
+    places: Places<'a>,
+    leaf_size: usize,
+    deepest_level: usize,
+}
 
+impl Division<'_> {
     /// Sorts points by the keys that they have.
     fn sort(&self, points: &mut [Keyed]) {
         let mut scratch: Vec<Keyed> = points.par_iter().map(|_| Keyed::default()).collect();
@@ -232,7 +230,7 @@ impl Division<'_> {
     fn key_anew(&self, points: &mut [Keyed], n: usize) {
         if points.len() > self.leaf_size {
             let items = points.par_iter_mut().with_min_len(CHUNK);
-            items.for_each(|item| *item = self.keyed(item.index, n));
+            items.for_each(|item| item.key = key(n, (self.places)(item.index)));
             self.sort(points);
         }
     }

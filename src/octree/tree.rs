@@ -3,8 +3,8 @@
 use crate::error::{Error, PointSet};
 use crate::numbers::traits::{Located, Numbers, Point, Real, Vector};
 use crate::octree::geometry::{Cell, Cube, MAX_LEVEL};
-use crate::octree::morton::KEY_LEVELS;
-use crate::octree::shape::{Places, Shape};
+use crate::octree::morton::{KEY_LEVELS, Keyed, morton_key};
+use crate::octree::shape::{Places, Shape, key};
 use crate::parallel;
 
 /// An octree over one set of points.
@@ -23,15 +23,24 @@ impl<T: Real> Tree<T> {
         points: &[P],
         leaf_size: usize,
     ) -> Self {
-        let position = |i: u32| points[i as usize].position();
-        let [rounded, exact]: [Places<'_>; 2] =
-            [&|i| root.locate(position(i)), &|i| root.locate_exactly(position(i))];
+        let position = |i: usize| points[i].position();
+        let rounded: Places<'_> =
+            &|i| root.locate(position(i as usize)).map(|c| c << (MAX_LEVEL - KEY_LEVELS));
+        let exact: Places<'_> = &|i| root.locate_exactly(position(i as usize));
         let mut places = rounded;
-        let mut shape = Shape::new(points.len(), places, leaf_size, KEY_LEVELS);
+        let keyed = parallel::map(points.len(), &|i| {
+            let key = morton_key(root.locate(position(i)));
+            Keyed { key, index: i as u32 }
+        });
+        let mut shape = Shape::new(keyed, places, leaf_size, KEY_LEVELS);
         // Few clouds need digits beyond the first key, and those that do need all of them right.
         if shape.can_be_divided(exact, leaf_size) {
             places = exact;
-            shape = Shape::new(points.len(), places, leaf_size, root.deepest_level());
+            let keyed = parallel::map(points.len(), &|i| {
+                let index = i as u32;
+                Keyed { key: key(0, exact(index)), index }
+            });
+            shape = Shape::new(keyed, places, leaf_size, root.deepest_level());
         }
         let cells = parallel::map(shape.nodes.len(), &|c| {
             let node = &shape.nodes[c];
@@ -310,7 +319,7 @@ mod tests {
                 let place = root.locate(*p);
                 for level in 1..8 {
                     let fraction = |axis: usize| {
-                        let within = (1u64 << (MAX_LEVEL - level)) - 1;
+                        let within = (1u64 << (KEY_LEVELS - level)) - 1;
                         (place[axis] & within) as f64 / within as f64
                     };
                     assert!([1, 2].iter().all(|&axis| (0.25..0.75).contains(&fraction(axis))));
