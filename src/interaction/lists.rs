@@ -105,6 +105,36 @@ impl Lists {
         }
     }
 
+    /// Sums directly what comes through the coarsest levels, as far as that is next to nothing beside
+    /// what is summed directly anyway: a few points far from all others would ask for expansions on every
+    /// level between them. Where pairs count in part, everything stays as it is. O(cells and their pairs).
+    pub(crate) fn sum_few_directly(&mut self, targets: &Shape, sources: &Shape) {
+        let first = self.first_level_of_many(targets, sources);
+        let is_coarse = |node: &Node| node.level() < first;
+        let is_met = |t: usize| !(self.m2l.of(t).is_empty() && self.p2l.of(t).is_empty());
+        let mut coarse = (0..first).flat_map(|level| targets.level(level));
+        let is_coarse_source = |s: u32| is_coarse(&sources.nodes[s as usize]);
+        let stays = !coarse.any(is_met) && self.m2p.all(|_, s| !is_coarse_source(s));
+        if stays || !self.weighed.is_empty() {
+            return;
+        }
+        self.near = rebuilt(&self.near, |t, runs| {
+            if targets.nodes[t].is_leaf() {
+                let above = targets.path_to_root(t).filter(|&cell| is_coarse(&targets.nodes[cell]));
+                let inherited =
+                    above.flat_map(|cell| self.m2l.of(cell).iter().chain(self.p2l.of(cell)));
+                let own = self.m2p.of(t).iter().filter(|&&s| is_coarse_source(s));
+                let moved = inherited.chain(own);
+                runs.extend(moved.map(|&s| Run::all(&sources.nodes[s as usize])));
+            }
+        });
+        let to_fine = |t: usize, _: u32| !is_coarse(&targets.nodes[t]);
+        self.m2l = self.m2l.filtered(to_fine);
+        self.p2l = self.p2l.filtered(to_fine);
+        self.m2p = self.m2p.filtered(|_, s| !is_coarse_source(s));
+        self.offsets.iter_mut().take(first).for_each(Vec::clear);
+    }
+
     /// The M2L lists with their weights.
     pub(crate) fn weighed_m2l(&self) -> impl Iterator<Item = (f64, &Grouped<u32>)> {
         let weighed = self.weighed.iter().map(|(eighths, list)| (f64::from(*eighths) / 8.0, list));
@@ -127,6 +157,38 @@ impl Lists {
         size_of_val(&self.bits[..]) + shares
     }
 
+    /// The coarsest level through which pairs of points meet that are not [few](FEW), those of all levels
+    /// above it counted with it.
+    fn first_level_of_many(&self, targets: &Shape, sources: &Shape) -> usize {
+        let product =
+            |t: usize, sources: u64| (targets.nodes[t].count() as u64).saturating_mul(sources);
+        let count = |s: &u32| sources.nodes[*s as usize].count() as u64;
+        let of_runs = |&leaf: &u32| {
+            let runs = self.near.of(leaf as usize).iter();
+            product(leaf as usize, runs.map(|run| u64::from(run.last - run.first)).sum())
+        };
+        let near = targets.leaves.iter().map(of_runs).fold(0, u64::saturating_add);
+        let mut m2p = vec![0u64; sources.levels()];
+        for &leaf in &targets.leaves {
+            for s in self.m2p.of(leaf as usize) {
+                let sum = &mut m2p[sources.nodes[*s as usize].level()];
+                *sum = sum.saturating_add(product(leaf as usize, count(s)));
+            }
+        }
+        let levels = targets.levels().max(sources.levels());
+        let mut far = 0u64;
+        (0..levels)
+            .find(|&level| {
+                let met = |t: usize| self.m2l.of(t).iter().chain(self.p2l.of(t)).map(count).sum();
+                let of_cells = targets.level(level).map(|t| product(t, met(t)));
+                let of_level = of_cells.fold(0, u64::saturating_add);
+                let by_m2p = m2p.get(level).copied().unwrap_or_default();
+                far = far.saturating_add(of_level).saturating_add(by_m2p);
+                far > near / FEW
+            })
+            .unwrap_or(levels)
+    }
+
     /// Its size in memory, without what is remembered of a mask.
     pub(crate) fn bytes(&self) -> usize {
         let weighed: usize = self.weighed.iter().map(|(_, list)| list.bytes()).sum();
@@ -134,6 +196,9 @@ impl Lists {
         far + self.left_out.bytes() + self.near.bytes()
     }
 }
+
+/// Pairs of points are few if they are no more than this fraction of those that are summed directly.
+const FEW: u64 = 16;
 
 /// From how many points on an expansion is cheaper than direct summation, level by level.
 #[derive(Debug)]

@@ -15,7 +15,7 @@ use crate::interaction::lists::{ALL, Lists, NONE, PairShare, Run, append};
 use crate::interaction::offsets::OffsetSet;
 use crate::kernel::mask::Coverage;
 use crate::numbers::traits::Real;
-use crate::octree::geometry::Cell;
+use crate::octree::geometry::{Cell, MAX_OFFSET};
 use crate::octree::shape::Node;
 use crate::octree::tree::Tree;
 use crate::parallel;
@@ -182,8 +182,7 @@ impl<T: Real> Traversal<'_, T> {
             let (target, source) = self.cells(t, s);
             if target.level() == source.level() {
                 let offset = source.offset_to(target);
-                // Well separated, for cells of one level.
-                if offset.iter().any(|o| o.unsigned_abs() > 1) {
+                if is_far(offset) {
                     match self.admissibility.of(target.level(), offset) {
                         Coverage::Empty => return found.left_out.items.push(s),
                         Coverage::Full => {
@@ -222,13 +221,13 @@ impl<T: Real> Traversal<'_, T> {
             return false;
         }
         let offset = source.offset_to(target);
-        let separated = offset.iter().any(|o| o.unsigned_abs() > 1)
-            && self.admissibility.of(target.level(), offset) == Coverage::Full;
-        if separated {
+        let is_carried =
+            is_far(offset) && self.admissibility.of(target.level(), offset) == Coverage::Full;
+        if is_carried {
             found.offsets.insert(offset);
             found.weighed.items.push(Weighed { source: s, eighths });
         }
-        separated
+        is_carried
     }
 
     /// Whether expansions carry pairs between cells of different levels that are well separated.
@@ -241,6 +240,12 @@ impl<T: Real> Traversal<'_, T> {
     fn cells(&self, t: u32, s: u32) -> (&Cell<T>, &Cell<T>) {
         (&self.targets.cells[t as usize], &self.sources.cells[s as usize])
     }
+}
+
+/// Whether cells of one level are well separated, and not too far apart for their offset to be told.
+#[inline]
+fn is_far(offset: [i32; 3]) -> bool {
+    offset.iter().any(|o| o.unsigned_abs() > 1) && offset.iter().all(|o| o.abs() < MAX_OFFSET)
 }
 
 /// What the cells of a level hand down.

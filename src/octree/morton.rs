@@ -9,14 +9,12 @@ pub(crate) struct Keyed {
     pub(crate) index: u32,
 }
 
-/// Interleaves three 21-bit coordinates; x takes the lowest bit of each triple.
-pub(crate) fn morton_key([x, y, z]: [u32; 3]) -> u64 {
-    spread(x) | spread(y) << 1 | spread(z) << 2
-}
+/// Levels of the octree that one key tells apart: as many bits of each coordinate as fit.
+pub(crate) const KEY_LEVELS: usize = 21;
 
-/// Undoes [`morton_key`].
-pub(crate) fn coordinates(key: u64) -> [u32; 3] {
-    [gather(key), gather(key >> 1), gather(key >> 2)]
+/// Interleaves the lowest [`KEY_LEVELS`] bits of three coordinates; x takes the lowest bit of each triple.
+pub(crate) fn morton_key([x, y, z]: [u64; 3]) -> u64 {
+    spread(x) | spread(y) << 1 | spread(z) << 2
 }
 
 /// Sorts `items` by key as far as an octree of leaves of at most `leaf_size` looks: items of an
@@ -143,8 +141,8 @@ fn split<'a, V>(mut all: &'a mut [V], sizes: &[usize]) -> Vec<&'a mut [V]> {
 }
 
 /// Moves bit i to bit 3i.
-fn spread(x: u32) -> u64 {
-    let mut x = u64::from(x);
+fn spread(x: u64) -> u64 {
+    let mut x = x & 0x001f_ffff;
     x = (x | x << 32) & 0x001f_0000_0000_ffff;
     x = (x | x << 16) & 0x001f_0000_ff00_00ff;
     x = (x | x << 8) & 0x100f_00f0_0f00_f00f;
@@ -152,26 +150,21 @@ fn spread(x: u32) -> u64 {
     (x | x << 2) & 0x1249_2492_4924_9249
 }
 
-/// Moves bit 3i to bit i.
-fn gather(key: u64) -> u32 {
-    let mut x = key & 0x1249_2492_4924_9249;
-    x = (x | x >> 2) & 0x10c3_0c30_c30c_30c3;
-    x = (x | x >> 4) & 0x100f_00f0_0f00_f00f;
-    x = (x | x >> 8) & 0x001f_0000_ff00_00ff;
-    x = (x | x >> 16) & 0x001f_0000_0000_ffff;
-    (x | x >> 32) as u32 & 0x001f_ffff
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn keys_interleave_and_come_apart() {
+    fn keys_interleave_the_lowest_bits() {
         assert_eq!(morton_key([1, 0, 0]), 1);
         assert_eq!(morton_key([0, 1, 2]), 0b100_010);
-        for c in [[0, 1, 2], [77_777, 1 << 20, 3], [(1 << 21) - 1; 3]] {
-            assert_eq!(coordinates(morton_key(c)), c);
+        assert_eq!(morton_key([u64::MAX; 3]), u64::MAX >> 1);
+        for c in [[0, 1, 2], [77_777, 1 << 20, 3], [1 << 21, 5 << 40 | 1, 1 << 19]] {
+            let key = morton_key(c);
+            for bit in 0..KEY_LEVELS {
+                let triple = [0, 1, 2].map(|axis| key >> (3 * bit + axis) & 1);
+                assert_eq!(triple, c.map(|c| c >> bit & 1));
+            }
         }
     }
 

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use rayon::prelude::*;
 
 use crate::octree::geometry::MAX_LEVEL;
-use crate::octree::morton::{Keyed, sort};
+use crate::octree::morton::{KEY_LEVELS, Keyed, morton_key, sort};
 
 /// The cells of an octree, level by level, in Morton order within a level; each holds the points
 /// `order[first..last]`. No cell is empty.
@@ -67,28 +67,52 @@ impl Node {
     }
 }
 
-impl Shape {
-    /// Sorts the points with these keys into cells of at most `leaf_size` points. A cell is left
-    /// larger only where its points can't be told apart by their keys. Points of a leaf keep their
-    /// order. Also the first point's key for every cell. O(N) per four levels.
-    pub(crate) fn new(mut keyed: Vec<Keyed>, leaf_size: usize) -> (Self, Vec<u64>) {
-        let mut scratch: Vec<Keyed> = keyed.par_iter().map(|_| Keyed::default()).collect();
-        sort(&mut keyed, &mut scratch, leaf_size);
+/// Points per task of a sweep over all of them.
+const CHUNK: usize = 4096;
 
+/// Integer coordinates among the cells of [`MAX_LEVEL`] of the point with some index.
+pub(crate) type Places<'a> = &'a (dyn Fn(u32) -> [u64; 3] + Sync);
+
+/// The n-th key of a place.
+pub(crate) fn key(n: usize, place: [u64; 3]) -> u64 {
+    morton_key(place.map(|c| c >> (MAX_LEVEL - (n + 1) * KEY_LEVELS)))
+}
+
+impl Shape {
+    /// Sorts the points with these keys into cells of at most `leaf_size` points; what a key can't tell
+    /// apart is keyed anew by its `places`. A cell is left larger only where its points have one place on
+    /// the deepest level. Points of a leaf keep their order. O(N) per four levels; levels that only some
+    /// points reach are no work for the others.
+    pub(crate) fn new(
+        mut sorted: Vec<Keyed>,
+        places: Places<'_>,
+        leaf_size: usize,
+        deepest_level: usize,
+    ) -> Self {
+        let division = Division { places, leaf_size, deepest_level };
+        division.sort(&mut sorted);
         let mut shape = Self {
             nodes: Vec::new(),
             level_starts: vec![0],
             leaves: Vec::new(),
-            order: keyed.par_iter().map(|item| item.index).collect(),
+            order: Vec::new(),
         };
-        if !keyed.is_empty() {
-            shape.nodes.push(Node::leaf(0..keyed.len() as u32, 0, 0));
+        if !sorted.is_empty() {
+            shape.nodes.push(Node::leaf(0..sorted.len() as u32, 0, 0));
             shape.level_starts.push(1);
-            while shape.split_last_level(&keyed, leaf_size) {}
+            while shape.split_last_level(&mut sorted, &division) {}
             shape.collect_leaves();
         }
-        let keys = shape.nodes.iter().map(|node| keyed[node.first as usize].key).collect();
-        (shape, keys)
+        shape.order = sorted.par_iter().map(|item| item.index).collect();
+        shape
+    }
+
+    /// Whether a leaf has more than `leaf_size` points although not all have one of these places.
+    pub(crate) fn can_be_divided(&self, places: Places<'_>, leaf_size: usize) -> bool {
+        self.leaves.iter().any(|&leaf| {
+            let points = &self.order[self.nodes[leaf as usize].points()];
+            points.len() > leaf_size && differ(points, |&i| places(i))
+        })
     }
 
     /// Number of levels; none for an empty tree.
@@ -125,21 +149,29 @@ impl Shape {
         size_of_val(&self.nodes[..]) + size_of_val(&self.leaves[..]) + size_of_val(&self.order[..])
     }
 
-    /// Splits every cell of the deepest level that is too full; whether there was one.
-    fn split_last_level(&mut self, sorted: &[Keyed], leaf_size: usize) -> bool {
+    /// Splits every cell of the last level that is too full; whether there was one.
+    fn split_last_level(&mut self, sorted: &mut [Keyed], division: &Division<'_>) -> bool {
         let level = self.levels();
-        if level > MAX_LEVEL {
+        if level > division.deepest_level {
             return false;
         }
         let parents = self.level(level - 1);
-        let shift = 3 * (MAX_LEVEL - level) as u32;
+        let (key, digit) = ((level - 1) / KEY_LEVELS, (level - 1) % KEY_LEVELS);
+        if key > 0 && digit == 0 {
+            for node in &self.nodes[parents.clone()] {
+                division.key_anew(&mut sorted[node.points()], key);
+            }
+        }
+        let (sorted, shift) = (&*sorted, 3 * (KEY_LEVELS - 1 - digit) as u32);
         let octant_ends: Vec<Option<[u32; 8]>> = self.nodes[parents.clone()]
             .par_iter()
             .map(|node| {
-                let points = node.points();
-                let splits = points.len() > leaf_size
-                    && sorted[points.start].key != sorted[points.end - 1].key;
-                splits.then(|| octant_ends(&sorted[points], node.first, shift))
+                let points = &sorted[node.points()];
+                let splits = points.len() > division.leaf_size
+                    && (points[0].key != points[points.len() - 1].key
+                        || self.is_only_child(node)
+                        || division.differ_below(points, key));
+                splits.then(|| octant_ends(points, node.first, shift))
             })
             .collect();
         let before = self.nodes.len();
@@ -162,6 +194,11 @@ impl Shape {
         grows
     }
 
+    /// Whether a cell has all points of its parent, which was divided.
+    fn is_only_child(&self, node: &Node) -> bool {
+        node.level > 0 && self.nodes[node.parent as usize].child_count == 1
+    }
+
     /// Lists the leaves depth first, which is the order of their points.
     fn collect_leaves(&mut self) {
         let mut open = vec![0];
@@ -173,6 +210,42 @@ impl Shape {
             open.extend(node.children().rev().map(|child| child as u32));
         }
     }
+}
+
+/// What cells are divided by.
+struct Division<'a> {
+    places: Places<'a>,
+    leaf_size: usize,
+    deepest_level: usize,
+}
+
+impl Division<'_> {
+    /// Sorts points by the keys that they have.
+    fn sort(&self, points: &mut [Keyed]) {
+        let mut scratch: Vec<Keyed> = points.par_iter().map(|_| Keyed::default()).collect();
+        sort(points, &mut scratch, self.leaf_size);
+    }
+
+    /// Sorts the points of a cell by their n-th keys, if there are too many of them.
+    fn key_anew(&self, points: &mut [Keyed], n: usize) {
+        if points.len() > self.leaf_size {
+            let items = points.par_iter_mut().with_min_len(CHUNK);
+            items.for_each(|item| item.key = key(n, (self.places)(item.index)));
+            self.sort(points);
+        }
+    }
+
+    /// Whether points whose n-th keys are equal have later ones that are not.
+    fn differ_below(&self, points: &[Keyed], n: usize) -> bool {
+        (n + 1) * KEY_LEVELS < self.deepest_level
+            && differ(points, |item| (self.places)(item.index))
+    }
+}
+
+/// Whether not all items are at the place of the first.
+fn differ<V: Sync>(items: &[V], place: impl Fn(&V) -> [u64; 3] + Sync) -> bool {
+    let first = place(&items[0]);
+    items.par_iter().with_min_len(CHUNK).any(|item| place(item) != first)
 }
 
 /// Where each octant of a cell ends that holds `points`, the first of which has the tree position

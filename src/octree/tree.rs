@@ -3,8 +3,8 @@
 use crate::error::{Error, PointSet};
 use crate::numbers::traits::{Located, Numbers, Point, Real, Vector};
 use crate::octree::geometry::{Cell, Cube, MAX_LEVEL};
-use crate::octree::morton::{Keyed, coordinates, morton_key};
-use crate::octree::shape::Shape;
+use crate::octree::morton::{KEY_LEVELS, Keyed, morton_key};
+use crate::octree::shape::{Places, Shape, key};
 use crate::parallel;
 
 /// An octree over one set of points.
@@ -23,15 +23,29 @@ impl<T: Real> Tree<T> {
         points: &[P],
         leaf_size: usize,
     ) -> Self {
+        let position = |i: usize| points[i].position();
+        let rounded: Places<'_> =
+            &|i| root.locate(position(i as usize)).map(|c| c << (MAX_LEVEL - KEY_LEVELS));
+        let exact: Places<'_> = &|i| root.locate_exactly(position(i as usize));
+        let mut places = rounded;
         let keyed = parallel::map(points.len(), &|i| {
-            let key = morton_key(root.locate(points[i].position()));
+            let key = morton_key(root.locate(position(i)));
             Keyed { key, index: i as u32 }
         });
-        let (shape, keys) = Shape::new(keyed, leaf_size);
-        let cells = parallel::map(keys.len(), &|c| {
-            let level = shape.nodes[c].level();
-            let shift = 3 * (MAX_LEVEL - level) as u32;
-            Cell::new(root, level, coordinates(keys[c] >> shift).map(u64::from))
+        let mut shape = Shape::new(keyed, places, leaf_size, KEY_LEVELS);
+        // Few clouds need digits beyond the first key, and those that do need all of them right.
+        if shape.can_be_divided(exact, leaf_size) {
+            places = exact;
+            let keyed = parallel::map(points.len(), &|i| {
+                let index = i as u32;
+                Keyed { key: key(0, exact(index)), index }
+            });
+            shape = Shape::new(keyed, places, leaf_size, root.deepest_level());
+        }
+        let cells = parallel::map(shape.nodes.len(), &|c| {
+            let node = &shape.nodes[c];
+            let place = places(shape.order[node.points().start]);
+            Cell::new(root, node.level(), place.map(|c| c >> (MAX_LEVEL - node.level())))
         });
         Self { shape, cells }
     }
@@ -130,39 +144,48 @@ const THIN: f64 = 1.0 / 16.0;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::octree::geometry::MAX_LEVEL;
-    use glam::DVec3;
+    use crate::octree::shape::Node;
+    use glam::{DVec3, Vec3};
 
-    fn build(points: &[DVec3], leaf_size: usize) -> Tree<f64> {
-        Tree::new(
-            &Bounds::new(PointSet::Sources, points).unwrap().root_cube().unwrap(),
-            points,
-            leaf_size,
-        )
+    fn root<P: Located>(points: &[P]) -> Cube<P::Real> {
+        Bounds::new(PointSet::Sources, points).unwrap().root_cube().unwrap()
     }
 
-    fn check(tree: &Tree<f64>, points: &[DVec3], leaf_size: usize) {
-        let Tree { shape, cells } = tree;
+    fn build(points: &[DVec3], leaf_size: usize) -> Tree<f64> {
+        Tree::new(&root(points), points, leaf_size)
+    }
+
+    /// A tree of which everything holds that trees promise.
+    fn checked<P: Located>(points: &[P], leaf_size: usize) -> Tree<P::Real> {
+        let root = root(points);
+        let tree = Tree::new(&root, points, leaf_size);
+        let Tree { shape, cells } = &tree;
         let mut order = shape.order.clone();
         order.sort_unstable();
         assert!(order.iter().enumerate().all(|(i, &o)| i == o as usize), "a permutation");
+        let rounding = 8.0 * <P::Real as num_traits::Float>::epsilon().as_f64();
         for (c, node) in shape.nodes.iter().enumerate() {
             assert!(node.count() > 0);
             assert_eq!(node.level(), cells[c].level());
             for &i in &shape.order[node.points()] {
-                let p = cells[c].normalised(points[i as usize]);
-                assert!(p.abs().max_element() <= 1.0 + 1e-9, "point {i} lies in cell {c}: {p}");
+                let p = cells[c].normalised(points[i as usize].position()).to_array();
+                let inside = p.iter().all(|x| x.as_f64().abs() <= 1.0 + rounding.max(1e-9));
+                assert!(inside, "point {i} lies in cell {c}: {p:?}");
             }
             let mut next = node.points().start;
             for child in node.children() {
                 assert_eq!(shape.nodes[child].parent as usize, c);
                 assert_eq!(shape.nodes[child].points().start, next);
                 assert_eq!(cells[child].level(), cells[c].level() + 1);
+                let halved = cells[child].coordinates().map(|x| x >> 1);
+                assert_eq!(halved, cells[c].coordinates());
                 next = shape.nodes[child].points().end;
             }
             assert!(node.is_leaf() || next == node.points().end, "children cover their parent");
             if node.is_leaf() && node.count() > leaf_size {
-                assert_eq!(cells[c].level(), shape.levels() - 1);
+                let own = &shape.order[node.points()];
+                let place = |i: u32| root.locate_exactly(points[i as usize].position());
+                assert!(own.iter().all(|&i| place(i) == place(own[0])), "nothing tells them apart");
             }
         }
         let mut next = 0;
@@ -173,6 +196,16 @@ mod tests {
         assert_eq!(next, points.len());
         let ranks = shape.ranks();
         assert!(ranks.iter().enumerate().all(|(i, &r)| shape.order[r as usize] as usize == i));
+        tree
+    }
+
+    /// Points scattered over a cube of that half-width.
+    fn scattered(n: u32, half_width: f64) -> Vec<DVec3> {
+        let point = |i| {
+            let steps = DVec3::new(0.754_877, 0.569_840, 0.362_719);
+            ((steps * f64::from(i)).fract() * 2.0 - DVec3::ONE) * half_width
+        };
+        (1..=n).map(point).collect()
     }
 
     #[test]
@@ -184,7 +217,7 @@ mod tests {
             })
             .collect();
         for leaf_size in [1, 7, 64, 5000] {
-            check(&build(&points, leaf_size), &points, leaf_size);
+            checked(&points, leaf_size);
         }
     }
 
@@ -197,14 +230,73 @@ mod tests {
         let tree = build(&pair, 8);
         assert_eq!(tree.shape.levels(), 2);
         assert_eq!(tree.shape.leaves.len(), 2);
+        // Not even where others are divided beyond the first key.
+        let mut nested = scattered(100, 1e-12);
+        nested.extend(pair);
+        let tree = checked(&nested, 8);
+        let largest = tree.shape.leaves.iter().map(|&leaf| tree.shape.nodes[leaf as usize].count());
+        assert_eq!(largest.max(), Some(100));
+        assert!(tree.cells.len() < 200, "{}", tree.cells.len());
     }
 
     #[test]
-    fn depth_is_bounded_by_the_key() {
-        let points: Vec<DVec3> = (0..60).map(|i| DVec3::X * 0.5f64.powi(i)).collect();
-        let tree = build(&points, 1);
+    fn depth_ends_where_cells_do() {
+        let chain = |n: i32| (0..n).map(|i| DVec3::X * 0.5f64.powi(i)).collect::<Vec<_>>();
+        let tree = checked(&chain(60), 1);
+        assert_eq!(tree.shape.leaves.len(), 60);
+        assert!((50..MAX_LEVEL).contains(&(tree.shape.levels() - 1)));
+        let tree = checked(&chain(200), 1);
         assert_eq!(tree.shape.levels(), MAX_LEVEL + 1);
-        check(&tree, &points, 1);
+        assert!(tree.shape.leaves.len() > 60);
+    }
+
+    #[test]
+    fn what_is_far_away_costs_a_chain_of_cells() {
+        for leaf_size in [1, 20] {
+            let alone = checked(&scattered(500, 1.0), leaf_size).cells.len();
+            for extents in [1e6, 1e9, 1e12, 1e15] {
+                // One on either side puts the centre of the root, a corner of cells, amid the others.
+                for sides in [&[1.0][..], &[1.0, -1.0]] {
+                    let mut points = scattered(500, 1.0);
+                    points.extend(
+                        sides.iter().map(|side| DVec3::new(0.9, -0.7, 1.0) * side * extents),
+                    );
+                    let cells = checked(&points, leaf_size).cells.len();
+                    let levels = extents.log2() as usize + 2;
+                    assert!(cells < 2 * alone + 8 * levels, "{cells} {alone} {levels}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn clusters_in_clusters_are_divided_where_they_are_dense() {
+        let at = DVec3::new(0.317, -0.273, 0.711);
+        let mut points = scattered(300, 1.0);
+        points.extend(scattered(300, 1e-5).iter().map(|p| *p + at));
+        points.extend(scattered(300, 1e-10).iter().map(|p| *p + at));
+        let tree = checked(&points, 10);
+        let leaves = tree.shape.leaves.iter().map(|&leaf| &tree.shape.nodes[leaf as usize]);
+        assert!(leaves.clone().all(|leaf| leaf.count() <= 10));
+        assert!(leaves.map(Node::level).max() > Some(33));
+        assert!(tree.cells.len() < 900);
+    }
+
+    #[test]
+    fn single_precision_is_used_up_as_well() {
+        let chain: Vec<Vec3> = (0..60).map(|i| Vec3::X * 0.5f32.powi(i)).collect();
+        assert_eq!(checked(&chain, 1).shape.leaves.len(), 60);
+        for (extents, scale) in [(1e6, 1.0), (1e9, 1e-3), (1e12, 1e6), (1e9, 1e-30)] {
+            let mut points = scattered(500, scale);
+            // One coordinate is the same for all, and coarse beside the others.
+            points.iter_mut().for_each(|p| p.y = 0.7 * extents * scale);
+            points.push(DVec3::new(0.9, -0.7, 1.0) * extents * scale);
+            let points: Vec<Vec3> = points.iter().map(|p| p.as_vec3()).collect();
+            let tree = checked(&points, 10);
+            if scale > 1e-20 {
+                assert!(tree.shape.leaves.len() > 50, "{extents}");
+            }
+        }
     }
 
     #[test]
@@ -227,8 +319,8 @@ mod tests {
                 let place = root.locate(*p);
                 for level in 1..8 {
                     let fraction = |axis: usize| {
-                        let within = (1u32 << (MAX_LEVEL - level)) - 1;
-                        f64::from(place[axis] & within) / f64::from(within)
+                        let within = (1u64 << (KEY_LEVELS - level)) - 1;
+                        (place[axis] & within) as f64 / within as f64
                     };
                     assert!([1, 2].iter().all(|&axis| (0.25..0.75).contains(&fraction(axis))));
                 }

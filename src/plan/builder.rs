@@ -191,13 +191,13 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
             clock.lap(&mut times.lists);
             let mask = self.cell_mask(&trees);
             let traversal = self.traversal(scheme, &trees, &mask, &admissibility);
-            let lists = traversal.lists(&|fraction| self.report(Phase::Lists, fraction)).map_err(
-                |pair| Error::InvalidShare {
-                    target: trees.target_tree.shape.order[pair.target as usize] as usize,
-                    from: trees.source_tree.shape.order[pair.source as usize] as usize,
-                    found: pair.share,
-                },
-            )?;
+            let found = traversal.lists(&|fraction| self.report(Phase::Lists, fraction));
+            let mut lists = found.map_err(|pair| Error::InvalidShare {
+                target: trees.target_tree.shape.order[pair.target as usize] as usize,
+                from: trees.source_tree.shape.order[pair.source as usize] as usize,
+                found: pair.share,
+            })?;
+            lists.sum_few_directly(&trees.target_tree.shape, &trees.source_tree.shape);
             self.report(Phase::Lists, 1.0);
             clock.lap(&mut times.lists);
 

@@ -17,6 +17,7 @@ mod kernels;
 mod properties;
 mod radiosity;
 mod repeatability;
+mod scales;
 mod table;
 
 use farfield::{Error, Fmm, FnKernel, Interpolation, direct, from_fn, relative_l2_error};
