@@ -60,8 +60,8 @@ pub(crate) const RESTRICTIONS: usize = 4;
 /// Targets at which a plan is tried, about.
 pub(crate) const TRIAL_TARGETS: usize = 64;
 
-/// Sums may then be off by this many times what a near pair may: half the tolerance of interpolation.
-pub(crate) const TRIAL_PAIRS: f64 = 5.0;
+/// Sums may then be off by this many times what a near pair may: the tolerance of interpolation.
+pub(crate) const TRIAL_PAIRS: f64 = 10.0;
 
 /// Values per task of a check.
 pub(crate) const CHECK_CHUNK: usize = 4096;
