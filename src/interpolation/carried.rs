@@ -97,3 +97,26 @@ fn offset(number: usize) -> [i32; 3] {
 fn number(offset: [i32; 3]) -> usize {
     offset.iter().fold(0, |number, o| 7 * number + (o + 3) as usize)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_not_carried_above_does_not_come() {
+        let right = |level: usize, offset: [i32; 3]| {
+            if level == 3 && offset == [2, 0, 0] { Coverage::Partial } else { Coverage::Full }
+        };
+        let levels = [3, 4].map(|level| Level::new(level, 0.5f64.powi(level as i32), Vec::new()));
+        let carried =
+            Carried::of_levels(&Admissibility::default().with(3..5, right), &levels, false);
+        assert!(!carried[0].has([2, 0, 0]) && carried[0].has([-2, 0, 0]));
+        assert!(carried[1].has([2, 0, 0]) && carried[1].offsets().len() == INTERACTION_OFFSETS);
+        // In the lower octant of its parent, whose centre is at (1, 1, 1).
+        assert!(!carried[1].comes_from_above([9.0, 1.0, 1.0], 0));
+        assert!(carried[1].comes_from_above([-7.0, 1.0, 1.0], 0));
+        assert!(!carried[1].comes_from_above([4.0, 1.0, 1.0], 0), "the parents touch");
+        assert!(!carried[1].comes_from_above([99.0, 1.0, 1.0], 0), "nothing comes from beyond");
+        assert!(Carried::default().comes_from_above([99.0, 1.0, 1.0], 0));
+    }
+}

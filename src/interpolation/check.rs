@@ -2,9 +2,10 @@
 
 use crate::interpolation::basis::{Basis, product};
 use crate::interpolation::entries::{Entries, zero};
-use crate::interpolation::far_field::{OffsetErrors, products, slope_products};
+use crate::interpolation::far_field::{products, slope_products};
 use crate::interpolation::level::{LevelOperators, Request};
 use crate::interpolation::means::{corner, facing, interaction_offsets, is_nearest};
+use crate::interpolation::offset_errors::OffsetErrors;
 use crate::interpolation::probe::sample;
 use crate::interpolation::scale::Scale;
 use crate::interpolation::slopes::Slopes;

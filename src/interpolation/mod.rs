@@ -23,6 +23,7 @@ pub(crate) mod lanes;
 pub(crate) mod left_out;
 pub(crate) mod level;
 pub(crate) mod means;
+pub(crate) mod offset_errors;
 pub(crate) mod operators;
 pub(crate) mod order;
 pub(crate) mod points;

@@ -5,8 +5,9 @@ use crate::expansion::admissibility::Admissibility;
 use crate::expansion::geometry::Level;
 use crate::interpolation::budget::INTERPOLATION_SHARE;
 use crate::interpolation::chebyshev::Chebyshev;
-use crate::interpolation::far_field::{FarField, OffsetErrors};
+use crate::interpolation::far_field::FarField;
 use crate::interpolation::means::{interaction_offsets, largest, weight};
+use crate::interpolation::offset_errors::OffsetErrors;
 use crate::interpolation::tuning::{MAX_ORDER, SMOOTH_SHARE, UNEVEN_SHARE, WORTH_A_NODE};
 use crate::kernel::mask::Coverage;
 use crate::numbers::traits::Real;
@@ -158,4 +159,49 @@ pub(crate) fn smooth_share<T: Real>(fields: &[FarField<T>], failing: &[Vec<bool>
         }
     }
     if all > 0.0 { smooth / all } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::interpolation::carried::Carried;
+
+    /// What there is for a tolerance of 1e-3 if the offsets in the way never converge, others after four nodes.
+    fn order(in_the_way: fn([i32; 3]) -> bool, seen_closer: [i32; 3]) -> Result<usize, Refusal> {
+        let fields = [FarField::new(0.5, 8.0, 1, Carried::default())];
+        let errors = |rule: &Chebyshev<f64>| {
+            let smooth = 0.1f64.powi(rule.len() as i32);
+            let each = interaction_offsets().map(|o| if in_the_way(o) { 1.0 } else { smooth });
+            let each: Vec<f64> = each.collect();
+            vec![OffsetErrors { mean: largest(each.iter().copied()), each }]
+        };
+        let closer = |_: &Chebyshev<f64>| {
+            let error = |o| if o == seen_closer { 1.0 } else { 0.0 };
+            Ok(vec![interaction_offsets().map(error).collect()])
+        };
+        order_of(1e-3, &fields, |_| Ok(()), errors, closer)
+    }
+
+    #[test]
+    fn only_what_is_in_the_way_is_split() {
+        assert_eq!(order(|_| false, [0; 3]).unwrap(), 4);
+        let Err(Refusal::Restricted(plane)) = order(|o| o[0] == 0, [3, 1, 2]) else { panic!() };
+        let expected: Vec<bool> =
+            interaction_offsets().map(|o| o[0] == 0 || o == [3, 1, 2]).collect();
+        assert_eq!((plane.coverage, &plane.offsets), (Coverage::Partial, &vec![expected]));
+        let levels = [Level::new(2, 0.25f64, Vec::new())];
+        let split = plane.of(&Admissibility::default(), &levels, |_| false);
+        assert_eq!(split.of(2, [-3, -1, -2]), Coverage::Partial, "it shares operators");
+        assert_eq!(split.of(2, [-3, 1, 2]), Coverage::Full);
+    }
+
+    #[test]
+    fn what_samples_hardly_see_is_not_trusted() {
+        let refused = |in_the_way| match order(in_the_way, [0; 3]) {
+            Err(Refusal::Error(Error::UnreachableTolerance { .. })) => true,
+            _ => false,
+        };
+        assert!(refused(|o| o == [2, 1, 0]), "a peak somewhere, perhaps elsewhere too");
+        assert!(refused(|_| true) && refused(|o| o != [3, 3, 3]));
+    }
 }

@@ -84,10 +84,9 @@ impl<S: Scalar> Prepared<S> {
             Err(Refusal::Restricted(restriction)) => {
                 let reflected = |index: usize| {
                     // One set that serves all levels is that of cells of size 1.
-                    let h = match restriction.offsets.len() == geometry.levels.len() {
-                        true => geometry.levels[index].half_width,
-                        false => S::Real::from_f64(1.0),
-                    };
+                    let is_own = restriction.offsets.len() == geometry.levels.len();
+                    let one = S::Real::from_f64(1.0);
+                    let h = if is_own { geometry.levels[index].half_width } else { one };
                     probe::parities(kernel, h).is_some()
                 };
                 Ok((unprepared(), restriction.of(before, &geometry.levels, reflected)))

@@ -210,7 +210,7 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
             let direct_seconds = pairs * pair_seconds;
             let mut geometry = Geometry {
                 // What was given up has been paid for.
-                most_seconds: most_seconds / f64::from(1 << restrictions / 2),
+                most_seconds: most_seconds / f64::from(1 << (restrictions / 2)),
                 most_apply_seconds: self.choices.most_apply_seconds(direct_seconds),
                 pair_seconds,
                 sources: some(&trees.sources),
@@ -226,10 +226,7 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
                     if scheme != Scheme::Direct
                         && self.choices.may_sum_directly::<RealOf<E>>(&error) =>
                 {
-                    let scheme = Scheme::Direct;
-                    let estimate = estimate
-                        .map(|_| self.estimate_of(scheme, &trees, times.tree, &admissibility));
-                    candidates = vec![Candidate { scheme, estimate }];
+                    candidates = vec![self.direct(&trees, times.tree, estimate.is_some())];
                     fallback = Some(error.to_string());
                     continue;
                 }
@@ -260,14 +257,11 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
             let guard = guard.filter(|guard| guard.is_needed(&self.expansion));
             let plan = Plan::new(self.expansion, scheme, trees, lists);
             clock.lap(&mut times.lists);
-            let by_halves = !admissibility.is_whole() && !self.choices.masked;
-            if by_halves && scheme != Scheme::Direct && !stands_trial(&plan) {
+            let is_tried = !admissibility.is_whole() && !self.choices.masked;
+            if is_tried && scheme != Scheme::Direct && !stands_trial(&plan) {
                 fallback = Some("the kernel is too uneven between cells".to_string());
                 (self.expansion, trees) = plan.into_parts();
-                let (scheme, whole) = (Scheme::Direct, Admissibility::default());
-                let estimate =
-                    estimate.map(|_| self.estimate_of(scheme, &trees, times.tree, &whole));
-                candidates = vec![Candidate { scheme, estimate }];
+                candidates = vec![self.direct(&trees, times.tree, estimate.is_some())];
                 continue;
             }
             let right = match &estimate {
@@ -335,6 +329,18 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
             candidates.insert(0, candidate(Scheme::Direct));
         }
         candidates
+    }
+
+    /// Direct sums, with what they would cost where that decides.
+    fn direct(
+        &self,
+        trees: &Trees<SourceOf<E>, TargetOf<E>>,
+        tree_seconds: f64,
+        is_chosen: bool,
+    ) -> Candidate {
+        let (scheme, whole) = (Scheme::Direct, Admissibility::default());
+        let estimate = || self.estimate_of(scheme, trees, tree_seconds, &whole);
+        Candidate { scheme, estimate: is_chosen.then(estimate) }
     }
 
     fn estimate_of(
