@@ -107,15 +107,19 @@ impl Lists {
 
     /// Sums directly what comes through the coarsest levels, as far as that is next to nothing beside
     /// what is summed directly anyway: a few points far from all others would ask for expansions on every
-    /// level between them. Where pairs count in part, everything stays as it is. O(cells and their pairs).
+    /// level between them. With a mask, everything stays as it is: runs do not tell how many of their pairs count.
+    /// O(cells and their pairs).
     pub(crate) fn sum_few_directly(&mut self, targets: &Shape, sources: &Shape) {
+        if !(self.weighed.is_empty() && self.bits.is_empty()) {
+            return;
+        }
         let first = self.first_level_of_many(targets, sources);
         let is_coarse = |node: &Node| node.level() < first;
         let is_met = |t: usize| !(self.m2l.of(t).is_empty() && self.p2l.of(t).is_empty());
         let mut coarse = (0..first).flat_map(|level| targets.level(level));
         let is_coarse_source = |s: u32| is_coarse(&sources.nodes[s as usize]);
         let stays = !coarse.any(is_met) && self.m2p.all(|_, s| !is_coarse_source(s));
-        if stays || !self.weighed.is_empty() {
+        if stays {
             return;
         }
         self.near = rebuilt(&self.near, |t, runs| {

@@ -137,14 +137,19 @@ pub(crate) fn order_of<T: Real>(
     }
     // What is in the way somewhere may be so at other offsets and have been missed.
     for (failing, closer) in failing.iter_mut().zip(closer(&Chebyshev::new(n + 1))?) {
-        failing.iter_mut().zip(closer).for_each(|(fails, error)| *fails |= !(error <= most));
+        failing.iter_mut().zip(closer).for_each(|(fails, error)| *fails |= is_off(error, most));
     }
     Err(Restriction::split(failing))
 }
 
 /// Which offsets of each level have larger errors than `most`, or none that is a number.
 fn failing<'a>(errors: impl Iterator<Item = &'a [f64]>, most: f64) -> Vec<Vec<bool>> {
-    errors.map(|level| level.iter().map(|&error| !(error <= most)).collect()).collect()
+    errors.map(|level| level.iter().map(|&error| is_off(error, most)).collect()).collect()
+}
+
+/// Whether an error is larger than `most`, or no number.
+fn is_off(error: f64, most: f64) -> bool {
+    error > most || error.is_nan()
 }
 
 /// The share of what is carried that does not fail.

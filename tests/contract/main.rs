@@ -29,7 +29,7 @@ struct Case {
     delivered: f64,
     /// Whether what was asked for is what another refusal offered.
     offered: bool,
-    /// Whether sums were direct, since no expansion would do.
+    /// Whether sums were direct, or most of them, since no expansion would do.
     direct: bool,
 }
 
@@ -66,8 +66,7 @@ where
             };
             let fmm = plan.unwrap_or_else(|error| panic!("{name}, {cloud}, {asked:e}: {error}"));
             let stats = fmm.report().stats;
-            let direct = stats.fallback.is_some();
-            assert!(direct || stats.expansion_pairs > stats.direct_pairs, "{name}, {cloud}");
+            let direct = stats.fallback.is_some() || stats.expansion_pairs <= stats.direct_pairs;
             let values: Vec<_> = fmm.apply(charges).unwrap().iter().map(&numbers).collect();
             let delivered = relative_l2_error(&values, exact);
             println!("{name}, {cloud}: {asked:.1e} asked, {delivered:.1e} delivered");
@@ -204,11 +203,14 @@ fn out_of_reach() {
             assert!(direct && delivered <= asked, "{what}: {delivered:e} for {asked:e}");
         }
     };
-    // Kinks where two coordinates of x − y are equally large, and a jump where one is zero.
+    // Kinks where two coordinates of x − y are equally large: next to them, cells are split down to the leaves.
     let largest = |x: DVec3, y: DVec3| (x - y).abs().max_element();
     directly(reals("largest coordinate", largest, cloud, &points, &[1e-9]));
+    // A jump where one is zero: on either side of it, all is smooth.
     let side = |x: DVec3, y: DVec3| 1.0 + 0.01 * (x - y).x.signum();
-    directly(reals("side", side, cloud, &points, &[1e-6]));
+    for Case { what, asked, delivered, .. } in reals("side", side, cloud, &points, &[1e-6]) {
+        assert!(delivered <= asked, "{what}: {delivered:e} for {asked:e}");
+    }
 
     // Eight wavelengths across the cube.
     let kernel = from_fn(SHORT_WAVE).skip_coincident();
