@@ -202,9 +202,9 @@ mod tests {
 
     #[test]
     fn what_samples_hardly_see_is_not_trusted() {
-        let refused = |in_the_way| match order(in_the_way, [0; 3]) {
-            Err(Refusal::Error(Error::UnreachableTolerance { .. })) => true,
-            _ => false,
+        let refused = |in_the_way| {
+            let found = order(in_the_way, [0; 3]);
+            matches!(found, Err(Refusal::Error(Error::UnreachableTolerance { .. })))
         };
         assert!(refused(|o| o == [2, 1, 0]), "a peak somewhere, perhaps elsewhere too");
         assert!(refused(|_| true) && refused(|o| o != [3, 3, 3]));

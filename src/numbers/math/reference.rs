@@ -2,13 +2,13 @@
 
 use std::f64::consts::{FRAC_1_PI, LN_2};
 
-/// The unevaluated sum of two numbers: about 100 digits.
+/// The unevaluated sum of two numbers: about 106 bits.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Pair(pub(super) f64, pub(super) f64);
 
 /// ln 2, 2/√π, and π/2 in three parts.
 const LN_2_PAIR: Pair = Pair(LN_2, 2.3190468138462996e-17);
-const TWO_BY_ROOT_PI: Pair = Pair(1.1283791670955126, 1.533545961316588e-17);
+const TWO_BY_ROOT_PI: Pair = Pair(std::f64::consts::FRAC_2_SQRT_PI, 1.533545961316588e-17);
 const HALF_PI: [f64; 3] =
     [std::f64::consts::FRAC_PI_2, 6.123233995736766e-17, -1.4973849048591698e-33];
 
