@@ -40,7 +40,12 @@ impl Admissibility {
     }
 
     /// What is done for pairs of cells of `level` at an offset, in cells from source to target.
+    #[inline]
     pub fn of(&self, level: usize, offset: [i32; 3]) -> Coverage {
+        // Asked for every pair of cells, and mostly of a whole.
+        if self.levels.is_empty() {
+            return Coverage::Full;
+        }
         match (self.restricted(level), index(offset)) {
             (_, None) => {
                 // On which level above they would be an unmasked tree's.
