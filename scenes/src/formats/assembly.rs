@@ -147,11 +147,12 @@ impl<'a> Assembly<'a> {
         self.scene.vertices.append(&mut part.vertices);
         self.scene.surfaces.append(&mut part.surfaces);
         self.scene.points.append(&mut part.points);
+        let named = |what: String| format!("{}: {what}", mesh.file);
+        self.scene.repairs.extend(part.repairs.into_iter().map(named));
         // A description's material takes the place of what the file lacks.
-        let kept = |repair: &&String| mesh.material.is_none() || !repair.contains("material");
-        let kept = part.repairs.iter().filter(kept);
-        let repairs = kept.map(|repair| format!("{}: {repair}", mesh.file));
-        self.scene.repairs.extend(repairs);
+        if mesh.material.is_none() {
+            self.scene.missing.extend(part.missing.into_iter().map(named));
+        }
         Ok(())
     }
 

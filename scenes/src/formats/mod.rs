@@ -4,6 +4,7 @@ pub(crate) mod assembly;
 pub(crate) mod description;
 pub(crate) mod load;
 pub(crate) mod mesh_file;
+pub(crate) mod mtl;
 pub(crate) mod obj;
 pub(crate) mod off;
 pub(crate) mod ply;

@@ -6,7 +6,7 @@ use glam::DVec3;
 use ply_rs_bw::parser::{ParseError, Parser, Reader};
 use ply_rs_bw::ply::{ElementDef, Property, PropertyAccess, PropertyAccessResult, PropertyType};
 
-use crate::formats::text::read_bytes;
+use crate::formats::text::{BYTE_ORDER_MARK, read_bytes};
 use crate::repair::point_areas::areas;
 use crate::repair::soup::Soup;
 use crate::scene::Scene;
@@ -25,7 +25,8 @@ use crate::scene::surface::ScenePoint;
 /// properties, or [`SceneError::Entry`] for what is wrong with a vertex or a face.
 pub(crate) fn read(path: &Path) -> Result<Scene, SceneError> {
     let bytes = read_bytes(path)?;
-    let Elements { vertices, faces, oriented } = elements(path, &bytes)?;
+    let bytes = bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(&bytes);
+    let Elements { vertices, faces, oriented } = elements(path, bytes)?;
     if let Some(index) = vertices.iter().position(|v| !v.position.is_finite()) {
         let expected = format!("finite coordinates, found {}", vertices[index].position);
         return Err(SceneError::Entry { path: path.to_owned(), kind: "vertex", index, expected });

@@ -4,14 +4,14 @@ use std::path::Path;
 
 use glam::Vec3;
 
-use crate::formats::text::{Lines, read_bytes};
+use crate::formats::text::{BYTE_ORDER_MARK, Lines, read_bytes, text};
 use crate::repair::soup::Soup;
 use crate::scene::Scene;
 use crate::scene::error::SceneError;
 use crate::scene::material::Material;
 
-/// The mesh in an STL file, all of it grey. A triangle's front is where its corners run
-/// counter-clockwise; the normals in the file are passed over.
+/// The mesh in an STL file, all solids in it together, all of it grey. A triangle's front is where its
+/// corners run counter-clockwise; the normals in the file are passed over.
 ///
 /// # Errors
 /// [`SceneError::Read`], or [`SceneError::File`], [`SceneError::Line`] or [`SceneError::Entry`] for
@@ -21,8 +21,8 @@ pub(crate) fn read(path: &Path) -> Result<Scene, SceneError> {
     let declared = bytes.get(HEADER - 4..HEADER).and_then(|count| count.try_into().ok());
     let size = declared.map(|count| HEADER + RECORD * u32::from_le_bytes(count) as usize);
     // Binary files may begin with `solid` as well: their length tells.
-    let mut soup = if size != Some(bytes.len()) && bytes.trim_ascii_start().starts_with(b"solid") {
-        ascii(path, &String::from_utf8_lossy(&bytes))?
+    let mut soup = if size != Some(bytes.len()) && is_ascii(&bytes) {
+        ascii(path, &text(&bytes))?
     } else {
         match size.filter(|&size| size <= bytes.len()) {
             Some(size) => binary(path, &bytes[HEADER..size])?,
@@ -46,6 +46,15 @@ const HEADER: usize = 84;
 /// Bytes of a triangle: its normal, its corners and two more.
 const RECORD: usize = 50;
 
+/// Whether a file begins as ASCII files do.
+fn is_ascii(bytes: &[u8]) -> bool {
+    let bytes = bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes).trim_ascii_start();
+    bytes.get(..SOLID.len()).is_some_and(|word| word.eq_ignore_ascii_case(SOLID))
+}
+
+/// The first word of an ASCII file.
+const SOLID: &[u8] = b"solid";
+
 /// The corners of the triangles in a binary file.
 fn binary(path: &Path, records: &[u8]) -> Result<Soup, SceneError> {
     let mut soup = Soup::default();
@@ -66,24 +75,40 @@ fn binary(path: &Path, records: &[u8]) -> Result<Soup, SceneError> {
     Ok(soup)
 }
 
-/// The corners of the triangles in an ASCII file.
+/// The corners of the triangles in an ASCII file, which may hold several solids.
 fn ascii(path: &Path, text: &str) -> Result<Soup, SceneError> {
     let mut soup = Soup::default();
     let mut lines = Lines::new(path, text);
-    let mut corners = 0;
+    // How many corners the loop has so far, while there is one.
+    let mut corners: Option<usize> = None;
+    let mut in_solid = true;
     loop {
-        let line = lines.expect("facet or endsolid")?;
-        match line.words[0].to_ascii_lowercase().as_str() {
-            "solid" | "facet" | "endfacet" => (),
-            "outer" => corners = 0,
-            "vertex" => {
+        let line = match lines.next() {
+            Some(line) => line,
+            None if in_solid => lines.expect("facet or endsolid")?,
+            None => return Ok(soup),
+        };
+        match (line.words[0].to_ascii_lowercase().as_str(), corners) {
+            ("solid", None) => in_solid = true,
+            ("facet" | "endfacet", None) if in_solid => (),
+            ("outer", None) if in_solid => corners = Some(0),
+            ("vertex", Some(count)) => {
                 soup.add_vertex(line.point(1)?);
-                corners += 1;
+                corners = Some(count + 1);
             }
-            "endloop" if corners == 3 => (),
-            "endloop" => return Err(line.refusal(format!("three corners before, found {corners}"))),
-            "endsolid" if soup.vertices().is_multiple_of(3) => return Ok(soup),
-            _ => return Err(line.refusal(format!("facet or endsolid, found {}", line.quoted()))),
+            ("endloop", Some(3)) => corners = None,
+            ("endloop", count) => {
+                let found = count.unwrap_or(0);
+                return Err(line.refusal(format!("three corners before, found {found}")));
+            }
+            ("endsolid", None) => in_solid = false,
+            (_, Some(_)) => {
+                return Err(line.refusal(format!("vertex or endloop, found {}", line.quoted())));
+            }
+            _ => {
+                let expected = if in_solid { "facet or endsolid" } else { "solid" };
+                return Err(line.refusal(format!("{expected}, found {}", line.quoted())));
+            }
         }
     }
 }
@@ -163,6 +188,26 @@ mod tests {
     }
 
     #[test]
+    fn all_solids_of_a_file_are_read_in_any_case_and_after_a_byte_order_mark() {
+        let one = ascii_file(&part(2));
+        let other = ascii_file(&Scene { vertices: shifted(&part(3)), ..part(3) }).to_uppercase();
+        let two = read_stl(format!("{one}\n{other}").as_bytes()).expect("valid");
+        assert_eq!((two.surfaces.len(), two.repairs.len()), (5, 0));
+        for text in [other.clone(), format!("\u{feff}{other}"), format!(" \n{one}")] {
+            assert!(read_stl(text.as_bytes()).is_ok(), "{text}");
+        }
+        let torn = format!("{one}{}", &other[..other.len() / 2]);
+        assert!(read_stl(torn.as_bytes()).is_err());
+        let message = read_stl(format!("{one}facet").as_bytes()).expect_err("no solid").to_string();
+        assert!(message.contains("line 17: expected solid, found `facet`"), "{message}");
+    }
+
+    /// The vertices of a scene, out of the way of themselves.
+    fn shifted(scene: &Scene) -> Vec<glam::DVec3> {
+        scene.vertices.iter().map(|p| p + 9.0 * glam::DVec3::X).collect()
+    }
+
+    #[test]
     fn malformed_files_are_refused() {
         let message = |bytes: &[u8]| read_stl(bytes).expect_err("malformed").to_string();
         let mut bytes = binary_file(&part(2), b"");
@@ -176,7 +221,7 @@ mod tests {
         let text = ascii_file(&part(2));
         for (from, to, place) in [
             ("endsolid a body", "", "line 15: expected facet or endsolid, found the end"),
-            ("vertex", "vertices", "line 4: expected facet or endsolid, found `vertices"),
+            ("vertex", "vertices", "line 4: expected vertex or endloop, found `vertices"),
             ("vertex", "vertex inf", "line 4: expected three finite numbers"),
             ("outer loop\n", "outer loop\nvertex 0 0 0\n", "line 8: expected three corners before"),
             ("endloop", "endsolid", "line 7"),

@@ -1,5 +1,6 @@
 //! Text files, line by line and word by word.
 
+use std::borrow::Cow;
 use std::fs;
 use std::path::Path;
 
@@ -15,13 +16,22 @@ pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>, SceneError> {
     fs::read(path).map_err(|source| SceneError::Read { path: path.to_owned(), source })
 }
 
-/// The text of a file; what isn't UTF-8 in it, names mostly, is replaced.
+/// The text of a file without the byte order mark that some programs begin it with; what isn't UTF-8
+/// in it, names mostly, is replaced.
 ///
 /// # Errors
 /// [`SceneError::Read`] if the system can't read it.
 pub(crate) fn read_text(path: &Path) -> Result<String, SceneError> {
-    Ok(String::from_utf8_lossy(&read_bytes(path)?).into_owned())
+    Ok(text(&read_bytes(path)?).into_owned())
 }
+
+/// Bytes as a text, as [`read_text`] has it.
+pub(crate) fn text(bytes: &[u8]) -> Cow<'_, str> {
+    String::from_utf8_lossy(bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes))
+}
+
+/// What some programs begin a text in UTF-8 with.
+pub(crate) const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
 /// The lines of a text that say something.
 #[derive(Clone, Debug)]
@@ -29,13 +39,18 @@ pub(crate) struct Lines<'a> {
     path: &'a Path,
     rest: std::iter::Enumerate<std::str::Lines<'a>>,
     last: usize,
+    /// First words of lines in which a `#` belongs to a name.
+    named: &'static [&'static str],
+    /// Whether a line that ends in a backslash goes on in the next one.
+    continued: bool,
 }
 
 /// A line in words.
 #[derive(Clone, Debug)]
 pub(crate) struct Line<'a> {
     path: &'a Path,
-    number: usize,
+    /// Its number, from 1; of several lines in one, that of the first.
+    pub(crate) number: usize,
     /// Its words up to a comment; at least one.
     pub(crate) words: Vec<&'a str>,
 }
@@ -43,7 +58,13 @@ pub(crate) struct Line<'a> {
 impl<'a> Lines<'a> {
     /// The lines of `text`, which is that of the file `path`.
     pub(crate) fn new(path: &'a Path, text: &'a str) -> Self {
-        Self { path, rest: text.lines().enumerate(), last: 1 }
+        Self { path, rest: text.lines().enumerate(), last: 1, named: &[], continued: false }
+    }
+
+    /// The lines of the text of an OBJ or MTL file. A backslash at the end of a line joins it to the next
+    /// one. After `named` first words a name follows, to which a `#` belongs.
+    pub(crate) fn wavefront(path: &'a Path, text: &'a str, named: &'static [&'static str]) -> Self {
+        Self { named, continued: true, ..Self::new(path, text) }
     }
 
     /// The next line.
@@ -63,14 +84,35 @@ impl<'a> Iterator for Lines<'a> {
     type Item = Line<'a>;
 
     fn next(&mut self) -> Option<Line<'a>> {
-        let path = self.path;
-        let line = self.rest.find_map(|(index, line)| {
-            let said = line.split('#').next().unwrap_or_default();
-            let words: Vec<_> = said.split_whitespace().collect();
-            (!words.is_empty()).then_some(Line { path, number: index + 1, words })
-        })?;
-        self.last = line.number;
-        Some(line)
+        loop {
+            let (index, first) = self.rest.next()?;
+            let number = index + 1;
+            let mut words = Vec::new();
+            let mut part = first;
+            while self.add_words(part, &mut words)
+                && let Some((_, next)) = self.rest.next()
+            {
+                part = next;
+            }
+            if !words.is_empty() {
+                self.last = number;
+                return Some(Line { path: self.path, number, words });
+            }
+        }
+    }
+}
+
+impl<'a> Lines<'a> {
+    /// Adds the words of a line, or of a part of it, up to a comment. Returns whether the line goes on.
+    fn add_words(&self, part: &'a str, words: &mut Vec<&'a str>) -> bool {
+        let trimmed = part.trim();
+        let first = words.first().copied().or_else(|| trimmed.split_whitespace().next());
+        let is_named = first.is_some_and(|first| self.named.contains(&first));
+        let comment = if is_named { None } else { trimmed.find('#') };
+        let said = &trimmed[..comment.unwrap_or(trimmed.len())];
+        let joined = said.strip_suffix('\\').filter(|_| self.continued && comment.is_none());
+        words.extend(joined.unwrap_or(said).split_whitespace());
+        joined.is_some()
     }
 }
 
@@ -131,6 +173,23 @@ mod tests {
         assert_eq!(error, "a.obj, line 4: expected three finite numbers, found `f 1 x nan`");
         let error = lines.expect("a face").expect_err("no more lines").to_string();
         assert_eq!(error, "a.obj, line 4: expected a face, found the end of the file");
+    }
+
+    #[test]
+    fn lines_of_wavefront_files_go_on_and_keep_the_signs_in_names() {
+        let text = "use Wall #1\nv 1 \\\n  2 \\\r\n3 # \\\n#x \\\nuse a \\\n#2\nv 4\\";
+        let lines = Lines::wavefront(Path::new("a.obj"), text, &["use"]);
+        let found: Vec<_> = lines.map(|line| (line.number, line.words.join(" "))).collect();
+        let expected = [(1, "use Wall #1"), (2, "v 1 2 3"), (6, "use a #2"), (8, "v 4")];
+        assert_eq!(found, expected.map(|(number, line)| (number, line.to_owned())));
+        let plain: Vec<_> = Lines::new(Path::new("a.off"), "1 \\\n2").map(|l| l.number).collect();
+        assert_eq!(plain, [1, 2]);
+    }
+
+    #[test]
+    fn a_byte_order_mark_is_passed_over() {
+        assert_eq!(text(b"\xef\xbb\xbfv 1"), "v 1");
+        assert_eq!(text(b"v\xff"), "v\u{fffd}");
     }
 
     #[test]

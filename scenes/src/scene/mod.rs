@@ -46,6 +46,8 @@ pub struct Scene {
     pub closed: bool,
     /// What was mended while the scene was read, one sentence each.
     pub repairs: Vec<String>,
+    /// What the scene's files name and isn't there, such as material files, one sentence each.
+    pub missing: Vec<String>,
 }
 
 impl Scene {
