@@ -33,7 +33,7 @@ mod pictures;
 mod output;
 
 pub use cutting::fields::Fields;
-pub use cutting::mesh::{Mesh, even_cuts};
+pub use cutting::mesh::{Mesh, even_cuts, fewest_elements};
 pub use cutting::optics::Optics;
 pub use cutting::pieces::Cuts;
 pub use cutting::refine::Refinement;

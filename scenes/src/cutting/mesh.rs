@@ -132,6 +132,11 @@ impl Mesh {
     }
 }
 
+/// How many sides all surfaces and points have: the least number of elements.
+fn sides(scene: &Scene) -> usize {
+    count(scene, scene.surfaces.iter().map(|_| [1, 1])) as usize
+}
+
 /// How many elements surfaces with these cuts, and points, come to.
 fn count(scene: &Scene, cuts: impl Iterator<Item = Cuts>) -> f64 {
     let sides = |material: usize| if scene.materials[material].two_sided { 2.0 } else { 1.0 };
@@ -147,6 +152,9 @@ fn count(scene: &Scene, cuts: impl Iterator<Item = Cuts>) -> f64 {
 /// one for every side of every surface and point, and fewer where many surfaces of equal size would go
 /// from too few to too many at once.
 ///
+/// Of however many surfaces there are, large ones are cut first: a third of `elements` is theirs, beyond
+/// one for every side. [`fewest_elements`] says how many take nothing beyond what is asked for.
+///
 /// # Errors
 /// What [`Scene::check`] refuses, and [`SceneError::TooManyElements`] if too many are asked for.
 pub fn even_cuts(scene: &Scene, elements: usize) -> Result<Vec<Cuts>, SceneError> {
@@ -157,7 +165,8 @@ pub fn even_cuts(scene: &Scene, elements: usize) -> Result<Vec<Cuts>, SceneError
     scene.check()?;
     let lengths: Vec<_> = scene.surfaces.iter().map(|s| edge_lengths(&scene.corners(s))).collect();
     let cuts = |edge: f64| lengths.iter().map(move |lengths| lengths.map(|l| pieces_of(l, edge)));
-    let fits = |edge: f64| count(scene, cuts(edge)) <= elements as f64;
+    let most = elements.max(sides(scene) + elements / SHARE);
+    let fits = |edge: f64| count(scene, cuts(edge)) <= most as f64;
     // No surface is cut at all if elements may be as long as the longest of them.
     let mut high = lengths.iter().flatten().copied().fold(0.0, f64::max);
     if !fits(high) {
@@ -176,8 +185,28 @@ pub fn even_cuts(scene: &Scene, elements: usize) -> Result<Vec<Cuts>, SceneError
             low = edge;
         }
     }
-    Ok(cuts(high).collect())
+    // No more than asked for goes to what is no larger than that many equal elements.
+    let beyond = count(scene, cuts(high)) > elements as f64;
+    let area: f64 = lengths.iter().map(|[a, b]| a * b).sum();
+    let even = (area / elements.max(1) as f64).sqrt();
+    Ok(cuts(if beyond { high.max(even) } else { high }).collect())
 }
+
+/// How many elements [`even_cuts`] has to be asked for so that it makes no more.
+///
+/// # Errors
+/// Those of [`even_cuts`].
+pub fn fewest_elements(scene: &Scene) -> Result<usize, SceneError> {
+    scene.check()?;
+    let least = sides(scene);
+    let cuts = even_cuts(scene, least.min(MOST_ELEMENTS))?;
+    let are_alike = count(scene, cuts.into_iter()) <= least as f64;
+    // What is left when the large surfaces have had their share.
+    Ok(if are_alike { least } else { (least * SHARE).div_ceil(SHARE - 1) })
+}
+
+/// One part in so many of the elements asked for is kept for cutting large surfaces.
+const SHARE: usize = 3;
 
 /// How often the edge of elements is bisected, down to a thousandth.
 const BISECTIONS: usize = 10;
@@ -243,6 +272,26 @@ mod tests {
                 assert_eq!((mesh.origin.len(), mesh.material.len()), (found, found));
             }
         }
+    }
+
+    #[test]
+    fn large_surfaces_are_cut_however_many_small_ones_there_are() {
+        let small = |k: usize| {
+            let at = DVec3::new((k % 40) as f64, (k / 40) as f64, 1.0) / 100.0;
+            [at, at + 0.01 * DVec3::X, at + 0.01 * DVec3::Y]
+        };
+        let mut scene = single(&rectangle(1.0, 1.0), false);
+        (0..1200).for_each(|k| scene.add(&small(k), 0, 4));
+        assert_eq!(fewest_elements(&scene).expect("valid"), 1802);
+        for asked in [100, 600, 1200, 1802, 3000] {
+            let mesh = Mesh::new(&scene, asked).expect("valid");
+            let of_floor = mesh.origin.iter().filter(|&&origin| origin == 0).count();
+            assert!(of_floor as f64 > 0.6 * (asked / 3) as f64, "{asked}: {of_floor}");
+            let found = mesh.elements.len();
+            assert!(found <= asked.max(1201 + asked / 3), "{asked}: {found}");
+        }
+        scene.surfaces.remove(0);
+        assert_eq!(fewest_elements(&scene).expect("valid"), 1200);
     }
 
     #[test]

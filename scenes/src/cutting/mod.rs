@@ -5,3 +5,4 @@ pub(crate) mod mesh;
 pub(crate) mod optics;
 pub(crate) mod pieces;
 pub(crate) mod refine;
+pub(crate) mod slopes;

@@ -2,6 +2,7 @@
 
 use crate::cutting::mesh::{Mesh, Whole, edge_lengths};
 use crate::cutting::pieces::{Cuts, piece_count, piece_number};
+use crate::cutting::slopes::Slopes;
 use crate::scene::Scene;
 
 /// What a tolerance asks of a scene's surfaces.
@@ -10,8 +11,9 @@ use crate::scene::Scene;
 pub struct Refinement {
     /// Into how many pieces to cut each surface.
     pub cuts: Vec<Cuts>,
-    /// The estimated relative l2 error of one constant per element, as the mesh is now.
-    pub error: f64,
+    /// The estimated relative l2 error of one constant per element, as the mesh is now. None where it
+    /// isn't known: the field is zero, or too much of the area is in pieces that have no neighbours.
+    pub error: Option<f64>,
 }
 
 /// The most that a piece may be longer than wide.
@@ -20,57 +22,45 @@ const MOST_ASPECT: f64 = 2.0;
 /// How much finer a surface gets at once, at most, along each edge.
 const STEP: f64 = 4.0;
 
+/// The share of the area of which nothing may be known for an estimate to stand for the whole.
+const UNKNOWN: f64 = 0.05;
+
 impl Refinement {
     /// The cuts that bring the error of one constant per element down to `tolerance`, with at most about
     /// `most` elements. `mesh` is that of the scene, and `values` is a field on it: any number of bands
     /// per element, the elements one after the other.
     ///
     /// On a piece of edges a and b, the field is off its mean by ((a ∂_u f)² + (b ∂_v f)²)/12 in the mean
-    /// square. The slopes are differences of neighbours. With c that error of a surface at one piece,
-    /// n pieces leave c/n; the least number of pieces in all that leave the tolerance has n ∝ √c.
+    /// square. The slopes are differences of neighbours, on the same surface or, of a surface in one piece,
+    /// beyond its edges. With c that error of a surface at one piece, n pieces leave c/n; the least number
+    /// of pieces in all that leave the tolerance has n ∝ √c. What has no neighbours at all is cut into
+    /// four, so that something is known next time. A field of zeros asks for nothing.
     pub fn new(scene: &Scene, mesh: &Mesh, values: &[f64], tolerance: f64, most: usize) -> Self {
         let bands = values.len() / mesh.elements.len().max(1);
         let value = |element: usize| &values[element * bands..][..bands];
-        let areas = mesh.elements.iter().map(|element| element.surfel().area);
-        let size: f64 = areas
+        let areas = || mesh.elements.iter().map(|element| element.surfel().area);
+        let size: f64 = areas()
             .enumerate()
             .map(|(i, area)| area * value(i).iter().map(|v| v * v).sum::<f64>())
             .sum();
-        let cuts: Vec<Cuts> = mesh.wholes.iter().map(|whole| whole.cuts).collect();
-        let errors: Vec<[f64; 2]> = scene
-            .surfaces
-            .iter()
-            .zip(&mesh.wholes)
-            .map(|(surface, &Whole { first, cuts })| {
-                let (corners, two_sided) =
-                    (surface.corners.len(), scene.materials[surface.material].two_sided);
-                let count = piece_count(corners, cuts);
-                let mut errors = [0.0; 2];
-                for start in [Some(first), two_sided.then_some(first + count)].into_iter().flatten()
-                {
-                    let along = slopes(corners, cuts, |piece| {
-                        let area = mesh.elements[start + piece].surfel().area;
-                        (area, value(start + piece))
-                    });
-                    errors = [errors[0] + along[0], errors[1] + along[1]];
-                }
-                errors
-            })
-            .collect();
-        let total: f64 = errors.iter().flatten().sum();
-        let error = if size > 0.0 { (total / size).sqrt() } else { 0.0 };
+        let cuts: Vec<Cuts> =
+            mesh.wholes.iter().take(scene.surfaces.len()).map(|whole| whole.cuts).collect();
+        let errors = errors(scene, mesh, values);
+        let known = errors.iter().flatten();
+        let total: f64 = known.flatten().sum();
+        let area_of = |whole: u32| errors.get(whole as usize).is_none_or(Option::is_none);
+        let of_unknown = areas().zip(&mesh.origin).filter(|&(_, &origin)| area_of(origin));
+        let unknown = of_unknown.map(|(area, _)| area).sum::<f64>() / areas().sum::<f64>();
+        let is_known = size > 0.0 && unknown <= UNKNOWN;
+        let error = is_known.then(|| (total / size).sqrt());
+        if size <= 0.0 {
+            return Self { cuts, error };
+        }
 
-        // What each surface would be off by as one piece along either edge. Of a single piece nothing is
-        // known along its edge: there the field is taken to change as along the other one.
+        // What each surface would be off by as one piece along either edge.
         let whole = |k: usize| -> [f64; 2] {
-            let [u, v] =
-                std::array::from_fn(|axis| errors[k][axis] * f64::from(cuts[k][axis]).powi(2));
-            let [a, b] = edge_lengths(&scene.corners(&scene.surfaces[k]));
-            match cuts[k] {
-                [2..=u32::MAX, 1] => [u, u * (b / a).powi(2)],
-                [1, 2..=u32::MAX] => [v * (a / b).powi(2), v],
-                _ => [u, v],
-            }
+            let known = errors[k].unwrap_or_default();
+            std::array::from_fn(|axis| known[axis] * f64::from(cuts[k][axis]).powi(2))
         };
         // As many along either edge as its slopes ask for, but no slivers: they are near to too many.
         let ratio = |k: usize| {
@@ -87,9 +77,16 @@ impl Refinement {
             .map(|k| (whole(k)[0] / ratio(k) + whole(k)[1] * ratio(k)).sqrt())
             .collect();
         let wanted = strengths.iter().sum::<f64>() / (tolerance.powi(2) * size);
-        let fits = most as f64 / strengths.iter().sum::<f64>().max(f64::MIN_POSITIVE);
+        // Half of all elements at most go to what nothing is known of.
+        let asked = 4 * errors.iter().filter(|known| known.is_none()).count();
+        let asked = if 2 * asked <= most { asked } else { 0 };
+        let left = (most - asked) as f64;
+        let fits = left / strengths.iter().sum::<f64>().max(f64::MIN_POSITIVE);
         let per_strength = wanted.min(fits);
         let cut = |k: usize| -> Cuts {
+            if errors[k].is_none() {
+                return if asked > 0 { [2; 2] } else { [1; 2] };
+            }
             let pieces = strengths[k] * per_strength;
             let along = [(pieces * ratio(k)).sqrt(), (pieces / ratio(k)).sqrt()];
             std::array::from_fn(|axis| {
@@ -99,6 +96,43 @@ impl Refinement {
         };
         Self { cuts: (0..errors.len()).map(cut).collect(), error }
     }
+}
+
+/// For each surface the mean square deviations from constants along its two edges, times area, both
+/// sides together; none for a surface in one piece without neighbours.
+fn errors(scene: &Scene, mesh: &Mesh, values: &[f64]) -> Vec<Option<[f64; 2]>> {
+    let bands = values.len() / mesh.elements.len().max(1);
+    let value = |element: usize| &values[element * bands..][..bands];
+    let slopes_between = Slopes::new(scene, mesh, values);
+    let of_surface = |(index, whole): (usize, &Whole)| -> Option<[f64; 2]> {
+        let Whole { first, cuts } = *whole;
+        let surface = &scene.surfaces[index];
+        let corners = surface.corners.len();
+        let count = piece_count(corners, cuts);
+        let two_sided = scene.materials[surface.material].two_sided;
+        let mut errors = [0.0; 2];
+        for start in [Some(first), two_sided.then_some(first + count)].into_iter().flatten() {
+            let along = if count == 1 {
+                slopes_between.squares(index, start)?
+            } else {
+                slopes(corners, cuts, |piece| {
+                    let area = mesh.elements[start + piece].surfel().area;
+                    (area, value(start + piece))
+                })
+            };
+            errors = [errors[0] + along[0], errors[1] + along[1]];
+        }
+        // Of a single piece nothing is known along its edge: there the field is taken to change as along
+        // the other one.
+        let [a, b] = edge_lengths(&scene.corners(surface));
+        let [u, v] = errors;
+        Some(match cuts {
+            [nu @ 2..=u32::MAX, 1] => [u, u * (f64::from(nu) * b / a).powi(2)],
+            [1, nv @ 2..=u32::MAX] => [v * (f64::from(nv) * a / b).powi(2), v],
+            _ => errors,
+        })
+    };
+    mesh.wholes.iter().take(scene.surfaces.len()).enumerate().map(of_surface).collect()
 }
 
 /// The mean square deviations along the two edges, times area, of the pieces of one side of a surface
@@ -173,13 +207,15 @@ mod tests {
     #[test]
     fn the_error_of_constants_is_known_and_falls_to_the_tolerance() {
         let (coarse, error) = refined(60, 0.02, 100_000);
-        assert!((coarse.error / error - 1.0).abs() < 0.3, "{} {error}", coarse.error);
+        let found = coarse.error.expect("known");
+        assert!((found / error - 1.0).abs() < 0.3, "{found} {error}");
         let scene = scene();
         let mesh = Mesh::with_cuts(&scene, &coarse.cuts).expect("a mesh");
         let values: Vec<f64> =
             mesh.elements.iter().map(|element| 1.0 + element.surfel().position.x).collect();
         let fine = Refinement::new(&scene, &mesh, &values, 0.02, 100_000);
-        assert!(fine.error < 0.025 && fine.error > 0.01, "{}", fine.error);
+        let found = fine.error.expect("known");
+        assert!(found < 0.025 && found > 0.01, "{found}");
     }
 
     #[test]
@@ -192,6 +228,52 @@ mod tests {
         let mesh = Mesh::with_cuts(&scene, &cuts).expect("a mesh");
         let even = vec![1.0; mesh.elements.len()];
         let refinement = Refinement::new(&scene, &mesh, &even, 0.01, 1000);
-        assert_eq!(refinement.error, 0.0);
+        assert_eq!(refinement.error, Some(0.0));
+    }
+
+    #[test]
+    fn the_error_of_uncut_triangles_is_known_by_their_neighbours_and_they_are_cut() {
+        // A square in 200 triangles with vertices of their own, and one of its edges folded up.
+        let at = |k: usize, j: usize| {
+            let (x, y) = (k as f64 / 10.0, j as f64 / 10.0);
+            if k > 8 { DVec3::new(0.8, y, x - 0.8) } else { DVec3::new(x, y, 0.0) }
+        };
+        let mut scene = Scene { materials: vec![Material::grey()], ..Scene::default() };
+        for (k, j) in (0..100).map(|number| (number % 10, number / 10)) {
+            scene.add(&[at(k, j), at(k + 1, j), at(k + 1, j + 1)], 0, 0);
+            scene.add(&[at(k, j), at(k + 1, j + 1), at(k, j + 1)], 0, 0);
+        }
+        let cuts = vec![[1, 1]; 200];
+        let mesh = Mesh::with_cuts(&scene, &cuts).expect("a mesh");
+        let field = |p: DVec3| [1.0 + 2.0 * p.x - p.y + p.z, 0.5];
+        let values: Vec<f64> =
+            mesh.elements.iter().flat_map(|e| field(e.surfel().position)).collect();
+        let mut squares = [0.0; 2];
+        for (element, value) in mesh.elements.iter().zip(values.chunks(2)) {
+            let corners = element.as_patch().expect("a patch").corners();
+            let off: f64 = corners.iter().map(|c| (field(*c)[0] - value[0]).powi(2)).sum();
+            squares[0] += element.surfel().area * off / 12.0;
+            squares[1] += element.surfel().area * (value[0].powi(2) + value[1].powi(2));
+        }
+        let error = (squares[0] / squares[1]).sqrt();
+        let refinement = Refinement::new(&scene, &mesh, &values, 0.5 * error, 100_000);
+        let found = refinement.error.expect("known");
+        assert!(found > 0.9 * error && found < 1.4 * error, "{found} {error}");
+        assert!(refinement.cuts.iter().filter(|&&cuts| cuts[0] > 1).count() > 150);
+    }
+
+    #[test]
+    fn what_has_no_neighbours_is_unknown_and_cut_into_four() {
+        let scene = scene();
+        let mesh = Mesh::with_cuts(&scene, &[[1, 1], [1, 1]]).expect("a mesh");
+        let refinement = Refinement::new(&scene, &mesh, &[1.0, 2.0], 0.1, 1000);
+        assert_eq!((refinement.error, &refinement.cuts[..]), (None, &[[2, 2], [2, 2]][..]));
+        let capped = Refinement::new(&scene, &mesh, &[1.0, 2.0], 0.1, 10);
+        assert_eq!((capped.error, &capped.cuts[..]), (None, &[[1, 1], [1, 1]][..]));
+        let dark = Refinement::new(&scene, &mesh, &[0.0, 0.0], 0.1, 1000);
+        assert_eq!((dark.error, &dark.cuts[..]), (None, &[[1, 1], [1, 1]][..]));
+        let floor = Mesh::with_cuts(&scene, &[[9, 9], [1, 1]]).expect("a mesh");
+        let even = vec![1.0; 82];
+        assert_eq!(Refinement::new(&scene, &floor, &even, 0.1, 1000).error, None);
     }
 }

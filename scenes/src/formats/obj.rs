@@ -45,7 +45,8 @@ pub(crate) fn read(path: &Path) -> Result<Scene, SceneError> {
         let (own, rest) = corners.split_at(face.corners);
         corners = rest;
         if !soup.add_polygon(own, face.material) {
-            let (vertices, last) = (soup.vertices(), own.iter().max().map_or(0, |k| k + 1));
+            let (vertices, last) =
+                (soup.vertices(), own.iter().max().map_or(0, |&k| u64::from(k) + 1));
             let expected = format!("three or more of {vertices} vertices, found {last} among them");
             return Err(SceneError::Line { path: path.to_owned(), line: face.number, expected });
         }
