@@ -47,6 +47,7 @@ pub use pictures::sight::Sight;
 pub use pictures::tone::Rgb;
 pub use scene::error::SceneError;
 pub use scene::material::Material;
+pub use scene::place::Part;
 pub use scene::surface::{ScenePoint, Surface};
 pub use scene::viewpoint::Viewpoint;
 pub use scene::{Quantity, Scene};

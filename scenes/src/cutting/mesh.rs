@@ -69,7 +69,7 @@ impl Mesh {
         let mut mesh = Self::default();
         for (index, (surface, &cuts)) in scene.surfaces.iter().zip(cuts).enumerate() {
             let added = mesh.add_surface(scene, surface, cuts);
-            added.map_err(|source| SceneError::Surface { index, source })?;
+            added.map_err(|source| scene.refusal(index, source))?;
         }
         // Disks are faces of their own, after those of the surfaces.
         let faces = scene.surfaces.iter().map(|surface| surface.face);

@@ -6,13 +6,16 @@ use std::path::Path;
 use glam::{DAffine3, DQuat, DVec3};
 
 use crate::formats::description::{Camera, Description, Finish, MeshFile, Rotation};
-use crate::formats::mesh_file::read_mesh;
+use crate::formats::mesh_file::{file_name, read_mesh};
 use crate::formats::text::read_text;
 use crate::generators::{GENERATORS, generate};
+use crate::repair::facing::face_room;
+use crate::repair::flat::flat_pieces;
 use crate::scene::Scene;
 use crate::scene::error::SceneError;
 use crate::scene::geometry::is_watertight;
 use crate::scene::material::{Material, RGB_BANDS};
+use crate::scene::place::Part;
 use crate::scene::viewpoint::Viewpoint;
 
 /// The scene that a TOML file describes. The names of mesh files start from its folder.
@@ -75,12 +78,7 @@ impl<'a> Assembly<'a> {
         for mesh in &description.mesh {
             self.add_mesh(mesh, &description.materials)?;
         }
-        for quad in &description.quad {
-            let material = self.named(&quad.material, &description.materials)?;
-            self.scene.closed &= self.scene.materials[material].two_sided;
-            self.scene.add(&quad.corners.map(DVec3::from_array), material, self.faces);
-            self.faces += 1;
-        }
+        self.add_quads(&description)?;
         if let Some(camera) = &description.camera {
             self.scene.camera = Some(self.viewpoint(camera)?);
         }
@@ -94,7 +92,36 @@ impl<'a> Assembly<'a> {
             );
         }
         scale(&mut self.scene, units);
+        // What a check refuses stays as it is.
+        if self.scene.closed && self.scene.check().is_ok() {
+            let turned = face_room(&mut self.scene);
+            self.scene.repairs.extend(turned);
+        }
         Ok(self.scene)
+    }
+
+    /// Adds the quadrilaterals, in two triangles each where they are not quite flat.
+    fn add_quads(&mut self, description: &Description) -> Result<(), SceneError> {
+        let (first, mut numbers) = (self.scene.surfaces.len(), Vec::new());
+        let mut bent = 0;
+        for (index, quad) in description.quad.iter().enumerate() {
+            let material = self.named(&quad.material, &description.materials)?;
+            self.scene.closed &= self.scene.materials[material].two_sided;
+            let pieces = flat_pieces(&quad.corners.map(DVec3::from_array));
+            bent += usize::from(pieces.len() > 1);
+            for piece in pieces {
+                self.scene.add(&piece, material, self.faces);
+                self.faces += 1;
+            }
+            numbers.resize(self.scene.surfaces.len() - first, index as u32 + 1);
+        }
+        let file = file_name(self.path);
+        self.scene.parts.push(Part { file, kind: "quad", first, numbers });
+        if bent > 0 {
+            let what = "quads that aren't flat and convex, cut into triangles";
+            self.scene.repairs.push(format!("{what}: {bent}"));
+        }
+        Ok(())
     }
 
     fn add_mesh(
@@ -144,6 +171,9 @@ impl<'a> Assembly<'a> {
             point.area *= mesh.scale * mesh.scale;
         }
         self.faces = part.surfaces.iter().map(|s| s.face + 1).max().unwrap_or(self.faces);
+        let before = self.scene.surfaces.len();
+        part.parts.iter_mut().for_each(|part| part.first += before);
+        self.scene.parts.append(&mut part.parts);
         self.scene.vertices.append(&mut part.vertices);
         self.scene.surfaces.append(&mut part.surfaces);
         self.scene.points.append(&mut part.points);

@@ -63,6 +63,7 @@ mod tests {
 #[cfg(test)]
 mod descriptions {
     use super::*;
+    use crate::generators::GENERATORS;
     use crate::scene::surface::Surface;
     use glam::DVec3;
     use std::fs;
@@ -167,6 +168,56 @@ mod descriptions {
         assert!(!closed("closed = false"));
         let quad = "corners = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]";
         assert!(!closed(&format!("quad = [{{ {quad}, material = \"wall\" }}]")));
+    }
+
+    /// A closed cube of one-sided quads, the ceiling in two; some of them changed.
+    fn cube(change: &[(&str, &str)]) -> String {
+        let faces = [
+            "[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]",
+            "[0, 0, 1], [0, 1, 1], [0.5, 1, 1], [0.5, 0, 1]",
+            "[0.5, 0, 1], [0.5, 1, 1], [1, 1, 1], [1, 0, 1]",
+            "[0, 0, 0], [0, 0, 1], [1, 0, 1], [1, 0, 0]",
+            "[0, 1, 0], [1, 1, 0], [1, 1, 1], [0, 1, 1]",
+            "[0, 0, 0], [0, 1, 0], [0, 1, 1], [0, 0, 1]",
+            "[1, 0, 0], [1, 0, 1], [1, 1, 1], [1, 1, 0]",
+        ];
+        let quads = faces.map(|face| format!("{{ corners = [{face}], material = \"w\" }}"));
+        let mut text = format!("closed = true\nquad = [{}]\n", quads.join(", "));
+        text += "[materials]\nw = { reflectance = [0.5] }\n";
+        change.iter().fold(text, |text, (from, to)| text.replacen(from, to, 1))
+    }
+
+    #[test]
+    fn a_panel_of_a_closed_room_that_looks_out_of_it_is_turned_and_said() {
+        let panel = "[0.5, 0, 1], [0.5, 1, 1], [1, 1, 1], [1, 0, 1]";
+        let turned = "[1, 0, 1], [1, 1, 1], [0.5, 1, 1], [0.5, 0, 1]";
+        let right = described(&cube(&[])).expect("valid");
+        assert!(right.closed && right.repairs.is_empty());
+        let mended = described(&cube(&[(panel, turned)])).expect("valid");
+        let said = "surfaces of a closed room that looked out of it, turned round: 1 (quad 3 of \
+            scene.toml, of material `w`, around (0.75, 0.5, 1) with the normal (0, 0, -1))";
+        assert_eq!(mended.repairs, [said]);
+        let open = described(&cube(&[(panel, turned), ("closed = true", "closed = false")]));
+        assert!(open.expect("valid").repairs.is_empty());
+        for name in GENERATORS {
+            let scene = described(&format!("generator = \"{name}\"")).expect("valid");
+            assert!(scene.repairs.is_empty(), "{name}: {:?}", scene.repairs);
+        }
+    }
+
+    #[test]
+    fn quads_that_are_nearly_flat_are_cut_and_others_refused_by_place() {
+        let roof = "[[quad]]\ncorners = [[0, 0, 2], [4, 0, 2], [4, 3, 3.001], [0, 3, 3]]\n\
+            material = \"w\"\n[materials.w]\nreflectance = [0.5]\n";
+        let scene = described(roof).expect("valid");
+        assert_eq!(scene.surfaces.len(), 2);
+        assert_ne!(scene.surfaces[0].face, scene.surfaces[1].face);
+        assert_eq!(scene.repairs, ["quads that aren't flat and convex, cut into triangles: 1"]);
+        let area = scene.surfaces.iter().map(|s| scene.area(s)).sum::<f64>();
+        assert!((area - 4.0 * 10f64.sqrt()).abs() < 0.01, "{area}");
+        let message = refusal(&roof.replace("3.001", "7"));
+        let place = "; it is quad 1 of scene.toml, of material `w`, around (2, 1.5, 3.5)";
+        assert!(message.starts_with("surface 0: ") && message.contains(place), "{message}");
     }
 
     #[test]

@@ -13,7 +13,7 @@ use crate::scene::error::SceneError;
 /// [`SceneError::Unknown`] if its name ends otherwise than those of such files, or whatever is wrong
 /// with it.
 pub(crate) fn read_mesh(path: &Path) -> Result<Scene, SceneError> {
-    match ending(path).as_str() {
+    let mut scene = match ending(path).as_str() {
         "obj" => obj::read(path),
         "stl" => stl::read(path),
         "ply" => ply::read(path),
@@ -23,7 +23,14 @@ pub(crate) fn read_mesh(path: &Path) -> Result<Scene, SceneError> {
             generators: GENERATORS.join(", "),
             endings: format!(".{}, .{DESCRIPTION}", MESHES.join(", .")),
         }),
-    }
+    }?;
+    scene.parts.iter_mut().for_each(|part| part.file = file_name(path));
+    Ok(scene)
+}
+
+/// The name of a file without its folder.
+pub(crate) fn file_name(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
 /// How the names of mesh files end.

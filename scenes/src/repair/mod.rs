@@ -1,6 +1,8 @@
 //! Mending of what files hold: vertices welded, polygons cut into flat convex pieces, neighbours made to
 //! agree about their fronts, areas of points estimated.
 
+pub(crate) mod facing;
+pub(crate) mod flat;
 pub(crate) mod orient;
 pub(crate) mod point_areas;
 pub(crate) mod soup;

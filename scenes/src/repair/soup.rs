@@ -10,6 +10,7 @@ use crate::repair::triangulate::triangulate;
 use crate::scene::Scene;
 use crate::scene::geometry::vector_area;
 use crate::scene::material::Material;
+use crate::scene::place::Part;
 use crate::scene::surface::Surface;
 use crate::scene::weld::Weld;
 
@@ -26,6 +27,10 @@ pub(crate) struct Soup {
     seen: HashSet<Vec<u32>>,
     /// Flat convex pieces; those of one flat polygon have one face.
     surfaces: Vec<Surface>,
+    /// For each of them the number of its polygon, from 1.
+    numbers: Vec<u32>,
+    /// How many polygons have been added.
+    polygons: u32,
     degenerate: usize,
     duplicate: usize,
     bent: usize,
@@ -47,6 +52,7 @@ impl Soup {
     pub(crate) fn add_polygon(&mut self, corners: &[u32], material: usize) -> bool {
         let corners = corners.iter().map(|&k| self.welded.get(k as usize).copied());
         let Some(mut corners) = corners.collect::<Option<Vec<_>>>() else { return false };
+        self.polygons = self.polygons.saturating_add(1);
         corners.dedup();
         while corners.len() > 1 && corners.first() == corners.last() {
             corners.pop();
@@ -55,6 +61,7 @@ impl Soup {
             self.duplicate += 1;
         } else {
             self.add_pieces(corners, material);
+            self.numbers.resize(self.surfaces.len(), self.polygons);
         }
         true
     }
@@ -73,7 +80,8 @@ impl Soup {
         ];
         let mentioned = notes.iter().filter(|&&(count, _)| count > 0);
         let repairs = mentioned.map(|(count, what)| format!("{what}: {count}")).collect();
-        Scene { materials, vertices, surfaces: self.surfaces, repairs, ..Scene::default() }
+        let parts = vec![Part { kind: "face", numbers: self.numbers, ..Part::default() }];
+        Scene { materials, vertices, surfaces: self.surfaces, parts, repairs, ..Scene::default() }
     }
 
     /// Adds a polygon, in triangles if need be.

@@ -147,12 +147,14 @@ pub enum SceneError {
         vertices: usize,
     },
     /// A surface that isn't a flat convex piece.
-    #[error("surface {index}: {source}")]
+    #[error("surface {index}: {source}; it is {place}")]
     Surface {
         /// Its index.
         index: usize,
         /// What is wrong with it.
         source: farfield_radiosity::Error,
+        /// Which entry of which file it is, its material, and where.
+        place: String,
     },
     /// An oriented point that isn't one.
     #[error("point {index}: expected {expected}")]

@@ -3,6 +3,7 @@
 pub(crate) mod error;
 pub(crate) mod geometry;
 pub(crate) mod material;
+pub(crate) mod place;
 pub(crate) mod surface;
 pub(crate) mod viewpoint;
 pub(crate) mod weld;
@@ -13,6 +14,7 @@ use glam::DVec3;
 use self::error::SceneError;
 use self::geometry::vector_area;
 use self::material::Material;
+use self::place::{Part, rounded};
 use self::surface::{ScenePoint, Surface};
 use self::viewpoint::Viewpoint;
 
@@ -37,6 +39,8 @@ pub struct Scene {
     pub vertices: Vec<DVec3>,
     /// Flat pieces of surface.
     pub surfaces: Vec<Surface>,
+    /// Which of them come from which file, for messages.
+    pub parts: Vec<Part>,
     /// Oriented points, each standing for a disk.
     pub points: Vec<ScenePoint>,
     /// From where to look; chosen from the scene's extent if none.
@@ -75,7 +79,7 @@ impl Scene {
                 return Err(SceneError::Vertex { surface: index, found, vertices });
             }
             let patch = Patch::new(&self.corners(surface));
-            patch.map_err(|source| SceneError::Surface { index, source })?;
+            patch.map_err(|source| self.refusal(index, source))?;
         }
         for (index, point) in self.points.iter().enumerate() {
             known("point", index, point.material)?;
@@ -88,6 +92,34 @@ impl Scene {
     /// [`check`](Self::check) refuses.
     pub fn corners(&self, surface: &Surface) -> Vec<DVec3> {
         surface.corners.iter().filter_map(|&k| self.vertices.get(k as usize).copied()).collect()
+    }
+
+    /// A surface or, from the number of surfaces on, a point, in words: which entry of which file it is,
+    /// as far as that is known, its material, its centroid and its normal.
+    pub fn describe(&self, whole: usize) -> String {
+        let (kind, index, material, centroid, normal) = match self.surfaces.get(whole) {
+            Some(surface) => {
+                let corners = self.corners(surface);
+                let centroid = corners.iter().sum::<DVec3>() / corners.len().max(1) as f64;
+                let normal = vector_area(&corners).normalize_or_zero();
+                ("surface", whole, surface.material, centroid, normal)
+            }
+            None => {
+                let index = whole - self.surfaces.len();
+                let Some(point) = self.points.get(index) else { return format!("surface {whole}") };
+                ("point", index, point.material, point.position, point.normal)
+            }
+        };
+        let entry = self.parts.iter().find_map(|part| part.entry(whole));
+        let entry = entry.unwrap_or_else(|| format!("{kind} {index}"));
+        let name = self.materials.get(material).map_or("", |material| material.name.as_str());
+        let (place, normal) = (rounded(centroid), rounded(normal));
+        format!("{entry}, of material `{name}`, around {place} with the normal {normal}")
+    }
+
+    /// The refusal of one of its surfaces, with what and where it is.
+    pub(crate) fn refusal(&self, index: usize, source: farfield_radiosity::Error) -> SceneError {
+        SceneError::Surface { index, source, place: self.describe(index) }
     }
 
     /// The area of one of its surfaces.
@@ -198,6 +230,25 @@ mod tests {
         assert!(refusal(&scene).starts_with("surface 0: a patch with corners at"));
         scene.surfaces[0].corners[2] = 3;
         assert_eq!(refusal(&scene), "surface 0 has a corner at vertex 3: expected less than 3");
+    }
+
+    #[test]
+    fn surfaces_are_told_by_file_material_place_and_normal() {
+        let mut scene = Scene { materials: vec![Material::grey()], ..Scene::default() };
+        for k in 0..3 {
+            let at = f64::from(k) * DVec3::Y;
+            scene.add(&[at, at + DVec3::Y, at + DVec3::X], 0, 0);
+        }
+        let numbers = vec![7, 9];
+        scene.parts = vec![Part { file: "a.obj".to_owned(), kind: "face", first: 1, numbers }];
+        let rest = "of material `grey`, around (0.3333, 2.333, 0) with the normal (0, 0, -1)";
+        assert_eq!(scene.describe(2), format!("face 9 of a.obj, {rest}"));
+        assert!(scene.describe(0).starts_with("surface 0, of material `grey`, around (0.3333, 0."));
+        let point = ScenePoint { position: DVec3::Y, normal: DVec3::Z, area: 1.0, material: 4 };
+        scene.points = vec![point];
+        let expected = "point 0, of material ``, around (0, 1, 0) with the normal (0, 0, 1)";
+        assert_eq!(scene.describe(3), expected);
+        assert_eq!(scene.describe(9), "surface 9");
     }
 
     #[test]
