@@ -10,7 +10,10 @@ use serde::Serialize;
 /// occlusion, checks the sum against direct summation, and pictures the result.
 ///
 /// Writes radiosity.png, radiosity.exr, elements.ply, elements.vtu, elements.csv, elements.npy and
-/// report.json. Fails if the measured error exceeds the tolerance.
+/// report.json, all of them or none. Fails if the measured error of the sums exceeds the tolerance, or if
+/// nothing emits and no form factors are asked for. What else may be wrong is a warning, on standard
+/// error and in report.json: a tolerance that so many elements can't meet is one. Warnings don't change
+/// the exit code, unless --strict is given.
 #[derive(Clone, Debug, Parser)]
 #[command(name = "radiosity")]
 pub(crate) struct Args {
@@ -57,15 +60,28 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = threads, allow_negative_numbers = true)]
     pub(crate) threads: usize,
 
-    /// Also writes the form factors to this CSV file, row by row, with what goes to the sky
+    /// Also writes the form factors to this CSV file, row by row, with what goes to the sky. They need
+    /// nothing that emits
     #[arg(long, value_name = "FILE")]
     pub(crate) form_factors: Option<PathBuf>,
+
+    /// Makes warnings errors: the exit code is 1 and nothing is written
+    #[arg(long)]
+    pub(crate) strict: bool,
+
+    /// Takes no picture, which may take longer than the solution
+    #[arg(long, conflicts_with = "size")]
+    pub(crate) no_picture: bool,
+
+    /// Columns and rows of the picture, from 1x1 to 8192x8192 [default: 720x720]
+    #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = size)]
+    pub(crate) size: Option<[usize; 2]>,
 
     /// Folder for the output, made if missing
     #[arg(long, value_name = "DIR", default_value = "target/radiosity")]
     pub(crate) out: PathBuf,
 
-    /// Show neither progress nor report
+    /// Show neither progress nor report, but warnings
     #[arg(long)]
     pub(crate) quiet: bool,
 }
@@ -179,6 +195,17 @@ fn integer(text: &str, min: usize, max: usize) -> Result<usize, String> {
     valid.ok_or_else(|| format!("expected an integer from {min} to {max}"))
 }
 
+fn size(text: &str) -> Result<[usize; 2], String> {
+    let edge = |text: &str| text.parse().ok().filter(|edge| (1..=MOST_PIXELS).contains(edge));
+    let edges = text.split_once(['x', 'X']).and_then(|(w, h)| Some([edge(w)?, edge(h)?]));
+    edges.ok_or_else(|| {
+        format!("expected columns and rows from 1 to {MOST_PIXELS}, such as 1280x720")
+    })
+}
+
+/// Columns and rows of a picture at most.
+const MOST_PIXELS: usize = 8192;
+
 fn tolerance(text: &str) -> Result<f64, String> {
     let valid = text.parse().ok().filter(|&t| 0.0 < t && t < 1.0);
     valid.ok_or_else(|| "expected a number between 0 and 1, both excluded".to_owned())
@@ -198,6 +225,10 @@ mod tests {
         let args = Args::parse_from(["radiosity", "--tolerance", "0.1"]);
         assert_eq!((args.element_count(), args.sum_tolerance()), (200_000, 0.1));
         assert!(args.is_adaptive());
+        let args = Args::parse_from(["radiosity", "--size", "1280x720"]);
+        assert_eq!(args.size, Some([1280, 720]));
+        let both = ["radiosity", "--size", "1280x720", "--no-picture"];
+        assert!(Args::try_parse_from(both).is_err());
     }
 
     #[test]
@@ -214,6 +245,10 @@ mod tests {
             ["--tolerance", "inf"],
             ["--threads", "two"],
             ["--scheme", "magic"],
+            ["--size", "100"],
+            ["--size", "0x10"],
+            ["--size", "10x9000"],
+            ["--size", "10x"],
         ];
         for [option, value] in refused {
             let error = Args::try_parse_from(["radiosity", option, value]).expect_err(value);

@@ -2,6 +2,8 @@
 
 use farfield_scenes::{OutputError, SceneError};
 
+use super::warning::Warning;
+
 /// Why a run failed.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum Failure {
@@ -15,8 +17,19 @@ pub(crate) enum Failure {
     Bands { found: usize, expected: usize },
     #[error("fractional visibility needs `--scheme fmm` and `--expansion interpolation`")]
     Unweighed,
-    #[error("nothing in the scene {0}: expected a lamp, a sky or a surface with a temperature")]
-    Dark(&'static str),
+    #[error("{0}; form factors alone come by `--form-factors FILE`")]
+    Dark(Warning),
+    #[error("interrupted; nothing was written")]
+    Nothing,
+    #[error("{}; nothing was written (--strict)", sentences(warnings))]
+    Strict { warnings: Vec<Warning> },
+    #[error(
+        "the form factors of {element} would have to change by {:+.0} % to close its row, allowed are \
+         \u{b1}{:.0} %: elements are missing, turned the wrong way or too coarse",
+        100.0 * change,
+        100.0 * limit
+    )]
+    NotClosable { element: String, change: f64, limit: f64 },
     #[error(transparent)]
     Output(#[from] OutputError),
     #[error(transparent)]
@@ -28,4 +41,10 @@ pub(crate) enum Failure {
          {tolerance:e}; nothing was written"
     )]
     Inaccurate { error: f64, sampled: usize, tolerance: f64 },
+}
+
+/// Warnings one after the other.
+fn sentences(warnings: &[Warning]) -> String {
+    let sentences: Vec<_> = warnings.iter().map(Warning::to_string).collect();
+    sentences.join("; ")
 }

@@ -7,6 +7,7 @@ use super::balance::RowSums;
 use super::check::Check;
 use super::progress::Progress;
 use super::report::{Pairs, Report};
+use super::warning::Warning;
 use crate::memory::peak_memory_bytes;
 
 /// What a run on one mesh measured.
@@ -19,14 +20,14 @@ pub(crate) struct Figures {
     pub(crate) closure: Closure,
     pub(crate) uncertainty: f64,
     pub(crate) iterations: usize,
-    pub(crate) residual: f64,
+    pub(crate) residual: Option<f64>,
     pub(crate) interrupted: bool,
-    pub(crate) energy: f64,
+    pub(crate) energy: Option<f64>,
     pub(crate) error: f64,
     pub(crate) check: Check,
     /// Sums over all pairs that the solution took.
     pub(crate) sums: usize,
-    pub(crate) element_error: f64,
+    pub(crate) element_error: Option<f64>,
 }
 
 impl Figures {
@@ -35,6 +36,7 @@ impl Figures {
         &self,
         args: &Args,
         repairs: &[String],
+        warnings: Vec<Warning>,
         [bands, elements]: [usize; 2],
         progress: &Progress,
     ) -> Report {
@@ -75,6 +77,7 @@ impl Figures {
             sampled_surfels: check.sampled,
             peak_memory_bytes: peak_memory_bytes(),
             phases: seconds,
+            warnings,
             repairs: repairs.to_vec(),
             files: Vec::new(),
         }

@@ -1,6 +1,6 @@
 //! The plan for gathering light: one sum over all pairs of elements that see each other.
 
-use farfield::{Builder, Expansion, Fmm, Progress, Scheme, Stats};
+use farfield::{Builder, CellView, Coverage, Expansion, Fmm, Mask, Progress, Scheme, Stats};
 use farfield_radiosity::{Irradiance, SixteenMoment, Surfel, Visibility};
 
 use super::args::{ExpansionName, SchemeName};
@@ -18,6 +18,47 @@ pub(crate) struct Gather<const BANDS: usize> {
 /// [`Fmm::apply`] of a plan with any expansion.
 type Apply<const BANDS: usize> =
     dyn Fn(&[[f64; BANDS]]) -> Result<Vec<[f64; BANDS]>, farfield::Error> + Sync;
+
+/// A mask that can be told to end: from then on no pair counts, and no ray is cast. What is planned by it
+/// is of no use then, but planned at once.
+#[derive(Clone, Copy)]
+pub(crate) struct Ending<'a> {
+    /// Which elements see each other.
+    pub(crate) visibility: &'a Visibility<'a>,
+    /// Whether it is to end.
+    pub(crate) ends: &'a (dyn Fn() -> bool + Sync),
+}
+
+/// The sum that is planned.
+type Sum<const BANDS: usize> = Irradiance<f64, [f64; BANDS]>;
+
+impl<const BANDS: usize> Mask<Sum<BANDS>> for Ending<'_> {
+    fn cells(&self, targets: CellView<'_, Surfel>, sources: CellView<'_, Surfel>) -> Coverage {
+        if (self.ends)() {
+            return Coverage::Empty;
+        }
+        Mask::<Sum<BANDS>>::cells(self.visibility, targets, sources)
+    }
+
+    fn pair(&self, x: &Surfel, y: &Surfel) -> f64 {
+        if (self.ends)() { 0.0 } else { Mask::<Sum<BANDS>>::pair(self.visibility, x, y) }
+    }
+
+    fn pairs(
+        &self,
+        targets: CellView<'_, Surfel>,
+        sources: CellView<'_, Surfel>,
+        count: &mut dyn FnMut(usize, usize, f64),
+    ) {
+        if !(self.ends)() {
+            Mask::<Sum<BANDS>>::pairs(self.visibility, targets, sources, count);
+        }
+    }
+
+    fn is_mirrored(&self, targets: &[Surfel], sources: &[Surfel]) -> bool {
+        Mask::<Sum<BANDS>>::is_mirrored(self.visibility, targets, sources)
+    }
+}
 
 /// How to sum.
 #[derive(Clone, Copy, Debug)]
@@ -37,7 +78,7 @@ impl<const BANDS: usize> Gather<BANDS> {
     /// If the expansion can't meet the tolerance.
     pub(crate) fn plan(
         surfels: &[Surfel],
-        visibility: &Visibility<'_>,
+        mask: Ending<'_>,
         method: Method,
         report: &(dyn Fn(Progress) + Sync),
     ) -> Result<Self, farfield::Error> {
@@ -51,11 +92,11 @@ impl<const BANDS: usize> Gather<BANDS> {
             ExpansionName::SixteenMoment => {
                 let expansion = SixteenMoment::with_tolerance(kernel, method.tolerance)?;
                 let builder = Fmm::with_expansion(expansion);
-                Self::build(builder.mask(visibility).scheme(scheme).progress(report), surfels)
+                Self::build(builder.mask(mask).scheme(scheme).progress(report), surfels)
             }
             ExpansionName::Interpolation => {
                 let builder = Fmm::builder(kernel).tolerance(method.tolerance);
-                Self::build(builder.mask(visibility).scheme(scheme).progress(report), surfels)
+                Self::build(builder.mask(mask).scheme(scheme).progress(report), surfels)
             }
         }
     }
@@ -77,7 +118,7 @@ impl<const BANDS: usize> Gather<BANDS> {
     }
 
     fn build<E>(
-        builder: Builder<'_, E, &Visibility<'_>>,
+        builder: Builder<'_, E, Ending<'_>>,
         surfels: &[Surfel],
     ) -> Result<Self, farfield::Error>
     where
@@ -118,8 +159,8 @@ mod tests {
             (ExpansionName::SixteenMoment, SchemeName::Treecode, 1e-2),
         ] {
             let method = Method { scheme, expansion, tolerance };
-            let gather =
-                Gather::<3>::plan(&surfels, &visibility, method, &|_| ()).expect("planned");
+            let mask = Ending { visibility: &visibility, ends: &|| false };
+            let gather = Gather::<3>::plan(&surfels, mask, method, &|_| ()).expect("planned");
             let found = gather.apply(&radiosity).expect("applied");
             let error = relative_l2_error(&found, &exact);
             assert!(error <= tolerance, "{expansion:?} {scheme:?}: {error:e}");
@@ -127,6 +168,22 @@ mod tests {
             assert!(
                 expanded || (expansion, scheme) != (ExpansionName::Interpolation, SchemeName::Fmm)
             );
+        }
+    }
+
+    #[test]
+    fn a_plan_that_ends_asks_for_nothing_more() {
+        let scene = generate("cornell").expect("a scene");
+        let mesh = Mesh::new(&scene, 1_500).expect("a mesh");
+        let walls = Occluders::new(&mesh.triangles).expect("finite");
+        let surfels: Vec<Surfel> = mesh.elements.iter().map(|e| *e.surfel()).collect();
+        for scheme in [SchemeName::Fmm, SchemeName::Direct] {
+            let visibility = Visibility::new(&walls);
+            let mask = Ending { visibility: &visibility, ends: &|| true };
+            let method =
+                Method { scheme, expansion: ExpansionName::Interpolation, tolerance: 1e-2 };
+            let gather = Gather::<1>::plan(&surfels, mask, method, &|_| ()).expect("planned");
+            assert_eq!((visibility.counts().rays, gather.stats().direct_pairs), (0, 0));
         }
     }
 }

@@ -9,6 +9,7 @@
 mod args;
 mod balance;
 mod check;
+mod delivery;
 mod exr;
 mod factors;
 mod failure;
@@ -22,6 +23,7 @@ mod progress;
 mod report;
 mod simulation;
 mod solve;
+mod warning;
 
 pub(crate) use args::Args;
 
@@ -39,6 +41,9 @@ use self::report::Report;
 pub(crate) fn main(args: &Args) -> ExitCode {
     match run(args) {
         Ok(report) => {
+            for warning in &report.warnings {
+                drop(writeln!(io::stderr(), "farfield radiosity: warning: {warning}"));
+            }
             let files = report.files.join(", ");
             // A reader that has gone away doesn't make the run a failure.
             if !args.quiet {

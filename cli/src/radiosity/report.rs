@@ -9,6 +9,7 @@ use serde::Serialize;
 
 use super::args::{ExpansionName, QuantityName, SchemeName, SolverName, VisibilityName};
 use super::balance::RowSums;
+use super::warning::Warning;
 
 /// The figures of one run: the contents of report.json.
 #[derive(Clone, Debug, Serialize)]
@@ -37,8 +38,8 @@ pub(crate) struct Report {
     pub(crate) elements: usize,
     /// Number of surfels: one per element.
     pub(crate) surfels: usize,
-    /// The estimated relative l2 error of one constant radiosity per element.
-    pub(crate) element_error: f64,
+    /// The estimated relative l2 error of one constant radiosity per element; none where it isn't known.
+    pub(crate) element_error: Option<f64>,
     /// Whether the tolerance was to hold for that too; if it doesn't, the elements did not suffice.
     pub(crate) adaptive: bool,
     /// What became of the pairs.
@@ -65,13 +66,14 @@ pub(crate) struct Report {
     pub(crate) direct_s: f64,
     /// Sums over all pairs, or shots (Southwell).
     pub(crate) iterations: usize,
-    /// The largest residual of the equation, in units of the emission.
-    pub(crate) residual: f64,
+    /// The largest residual of the equation, in units of the emission; none where nothing is solved.
+    pub(crate) residual: Option<f64>,
     /// Whether Ctrl-C ended the run early: the solution, the refinement or the table of form factors.
     pub(crate) interrupted: bool,
-    /// The share of the emitted power that is neither absorbed nor escapes.
-    pub(crate) energy_residual: f64,
-    /// Relative l2 error of the irradiance against direct summation at the sampled elements.
+    /// The share of the emitted power that is neither absorbed nor escapes; none where nothing is emitted.
+    pub(crate) energy_residual: Option<f64>,
+    /// Relative l2 error of the irradiance against direct summation at the sampled elements; where nothing
+    /// emits, of the irradiance when everything emits alike.
     pub(crate) relative_l2_error: f64,
     /// Number of elements sampled for it.
     pub(crate) sampled_surfels: usize,
@@ -79,6 +81,8 @@ pub(crate) struct Report {
     pub(crate) peak_memory_bytes: Option<u64>,
     /// Seconds by phase.
     pub(crate) phases: BTreeMap<&'static str, f64>,
+    /// What may be wrong.
+    pub(crate) warnings: Vec<Warning>,
     /// What was mended in the scene.
     pub(crate) repairs: Vec<String>,
     /// The files written.
@@ -139,12 +143,16 @@ impl fmt::Display for Report {
         let per_element = self.rays as f64 / self.elements.max(1) as f64;
         let RowSums { min, max, rms_error } = self.row_sum;
         let (error, tolerance) = (self.relative_l2_error, self.tolerance);
-        let what = if self.adaptive && self.element_error > tolerance {
-            "too few: constants are"
-        } else {
-            "on which constants are"
+        let known = |number: Option<f64>| match number {
+            Some(number) => format!("{number:.1e}"),
+            None => "unknown".to_owned(),
         };
-        let elements = format!("{}, {what} off by {:.1e}", self.elements, self.element_error);
+        let what = match self.element_error {
+            Some(error) if self.adaptive && error > tolerance => "too few: constants are off by",
+            Some(_) => "on which constants are off by",
+            None => "the error of constants is",
+        };
+        let elements = format!("{}, {what} {}", self.elements, known(self.element_error));
         let mut line = |name: &str, value: String| writeln!(f, "{name:<22}{value}");
         line("elements", elements)?;
         line("pairs by expansion", percent(expansion))?;
@@ -161,13 +169,13 @@ impl fmt::Display for Report {
         line("plan", format!("{:.2} s", self.plan_s))?;
         line("solve", format!("{:.2} s, iterations: {}", self.solve_s, self.iterations))?;
         if self.interrupted {
-            line("interrupted", format!("at a residual of {:.1e}", self.residual))?;
+            line("interrupted", format!("at a residual of {}", known(self.residual)))?;
         }
         line(
             "direct summation",
             format!("{:.2} s (extrapolated from {} elements)", self.direct_s, self.sampled_surfels),
         )?;
-        line("energy residual", format!("{:.1e}", self.energy_residual))?;
+        line("energy residual", known(self.energy_residual))?;
         if let Some(bytes) = self.peak_memory_bytes {
             line("peak memory", format!("{:.2} GiB", bytes as f64 / (1u64 << 30) as f64))?;
         }
@@ -183,7 +191,7 @@ impl fmt::Display for Report {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::radiosity::gather::{Gather, Method};
+    use crate::radiosity::gather::{Ending, Gather, Method};
     use farfield_radiosity::{Occluders, Surfel, Visibility};
     use farfield_scenes::Mesh;
     use farfield_scenes::generate;
@@ -198,8 +206,8 @@ mod tests {
             let visibility = Visibility::new(&walls);
             let expansion = ExpansionName::Interpolation;
             let method = Method { scheme, expansion, tolerance: 1e-2 };
-            let gather =
-                Gather::<1>::plan(&surfels, &visibility, method, &|_| ()).expect("planned");
+            let mask = Ending { visibility: &visibility, ends: &|| false };
+            let gather = Gather::<1>::plan(&surfels, mask, method, &|_| ()).expect("planned");
             let pairs = Pairs::new(gather.stats(), &visibility.counts());
             let Pairs { expansion, direct, facing_away, hidden } = pairs;
             let sum = expansion + direct + facing_away + hidden;

@@ -1,27 +1,26 @@
-//! A run: from a scene to its solution, picture and files.
+//! A run: from a scene to its solution, on meshes as fine as the tolerance takes.
 
-use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::io::{self, Write};
 
 use farfield_radiosity::{
-    Closure, Corrections, Enclosure, Occluders, RadiosityOperator, Surfel, Visibility,
+    Closure, Corrections, Enclosure, Error, Occluders, RadiosityOperator, Surfel, Visibility,
 };
 use farfield_scenes::{
-    Cuts, Fields, Mesh, Optics, Output, OutputError, Picture, Refinement, Scene, Sight, Table,
-    direct_light_by_pixel, even_cuts,
+    Cuts, Fields, Mesh, Optics, Output, Refinement, Scene, Sight, direct_light_by_pixel, even_cuts,
 };
 
 use super::args::{Args, ExpansionName, QuantityName, SchemeName, SolverName, VisibilityName};
 use super::balance::{RowSums, energy_residual};
 use super::check::Check;
+use super::delivery::{Solved, deliver, write_factors};
 use super::failure::Failure;
 use super::figures::Figures;
-use super::gather::{Gather, Method};
+use super::gather::{Ending, Gather, Method};
 use super::interrupt::Interrupt;
 use super::progress::Progress;
 use super::report::{Pairs, Report};
 use super::solve::Exchange;
-use super::{exr, factors, npy};
+use super::warning::Warning;
 
 /// Elements at which the gathered light is held against direct summation.
 const SAMPLES: usize = 1000;
@@ -30,14 +29,13 @@ const MOST_CLOSURE: f64 = 0.5;
 /// Elements of the first mesh beyond one per surface where the tolerance decides; meshes at most.
 const FIRST_ELEMENTS: usize = 2000;
 const MOST_MESHES: usize = 6;
-/// The least form factor that a table lists, in units of the tolerance.
-const LISTED: f64 = 1e-3;
 
 /// Solves a scene and writes everything about it; once `interrupt`ed, what there is.
 ///
 /// # Errors
 /// If the scene can't be cut into elements, the equation not be solved, or a file not be written; if the
-/// sums turn out less accurate than asked for.
+/// sums turn out less accurate than asked for, if nothing emits and no form factors are asked for, or if
+/// there are warnings and these are to be errors.
 pub(crate) fn run<const BANDS: usize>(
     args: &Args,
     scene: &Scene,
@@ -50,6 +48,14 @@ pub(crate) fn run<const BANDS: usize>(
     {
         return Err(Failure::Unweighed);
     }
+    let dark = Warning::of_darkness(scene, args.quantity.into());
+    let is_dark = dark.is_some();
+    if let Some(dark) = dark.filter(|_| args.form_factors.is_none()) {
+        return Err(Failure::Dark(dark));
+    }
+    if let Some(path) = &args.form_factors {
+        output.check(path)?;
+    }
     let progress = Progress::new(args.quiet);
     let tolerance = args.sum_tolerance();
     let first = if args.is_adaptive() {
@@ -58,36 +64,63 @@ pub(crate) fn run<const BANDS: usize>(
         args.element_count()
     };
     let mut cuts = even_cuts(scene, first)?;
+    let mut mesh = Mesh::with_cuts(scene, &cuts)?;
+    let warnings = Warning::of_scene(args, scene, mesh.elements.len())?;
+    strict(args, &warnings)?;
     let mut meshes = 1;
-    loop {
-        let mesh = Mesh::with_cuts(scene, &cuts)?;
+    let mut latest: Option<(Mesh, Solved)> = None;
+    let (mesh, solved) = loop {
         let last = meshes == MOST_MESHES || !args.is_adaptive();
-        let run = Run { args, scene, bands, mesh: &mesh, progress: &progress, interrupt };
+        let is_first = latest.is_none();
+        let ends = || !is_first && interrupt.is_asked();
+        let run = Run { args, scene, bands, mesh: &mesh, is_dark, progress: &progress, interrupt };
         let refined = |fields: &Fields| {
             let field = &fields.irradiance;
             let most = args.element_count();
-            Refinement::new(scene, &mesh, field, tolerance, most)
+            let next = Refinement::new(scene, &mesh, field, tolerance, most);
+            let finer = !last && next.cuts != cuts;
+            (next, finer)
         };
-        match run.solve::<BANDS>(&mut output, last, &refined)? {
-            Outcome::Done(report) => {
-                output.publish()?;
-                return Ok(*report);
-            }
-            Outcome::TooCoarse(next) => {
-                interrupt.hold(false);
+        match (run.solve::<BANDS>(&mut output, &ends, &refined)?, latest) {
+            (Outcome::TooCoarse(next, solved), _) => {
+                if !args.quiet {
+                    let again = solved.too_coarse(mesh.elements.len());
+                    drop(writeln!(io::stderr(), "farfield radiosity: {again}"));
+                }
+                let finer = Mesh::with_cuts(scene, &next)?;
+                latest = Some((std::mem::replace(&mut mesh, finer), solved));
                 cuts = next;
+                meshes += 1;
             }
+            (Outcome::Done(solved), _) => break (mesh, solved),
+            (Outcome::Ended, Some((coarser, mut solved))) => {
+                solved.figures.interrupted = true;
+                break (coarser, solved);
+            }
+            (Outcome::Ended, None) => return Err(Failure::Nothing),
         }
-        meshes += 1;
+    };
+    let report = deliver(args, scene, &mesh, solved, warnings, &progress, &mut output)?;
+    output.publish()?;
+    Ok(report)
+}
+
+/// Makes warnings errors, if they are to be.
+fn strict(args: &Args, warnings: &[Warning]) -> Result<(), Failure> {
+    if args.strict && !warnings.is_empty() {
+        return Err(Failure::Strict { warnings: warnings.to_vec() });
     }
+    Ok(())
 }
 
 /// What came of solving on one mesh.
 enum Outcome {
-    /// Everything is written.
-    Done(Box<Report>),
-    /// The elements are too large: what to cut surfaces into instead.
-    TooCoarse(Vec<Cuts>),
+    /// It is solved, and the form factors are written.
+    Done(Solved),
+    /// It is solved, but the elements are too large: what to cut surfaces into instead.
+    TooCoarse(Vec<Cuts>, Solved),
+    /// It was told to end before it was solved.
+    Ended,
 }
 
 /// One mesh, and what to do with it.
@@ -96,18 +129,22 @@ struct Run<'a> {
     scene: &'a Scene,
     bands: usize,
     mesh: &'a Mesh,
+    /// Whether nothing emits.
+    is_dark: bool,
     progress: &'a Progress,
     interrupt: &'a Interrupt,
 }
 
 impl Run<'_> {
+    /// Solves on the mesh, unless it `ends` before. `refined` says what the tolerance asks for instead,
+    /// and whether that may be tried.
     fn solve<const BANDS: usize>(
         &self,
         output: &mut Output,
-        last: bool,
-        refined: &dyn Fn(&Fields) -> Refinement,
+        ends: &(dyn Fn() -> bool + Sync),
+        refined: &dyn Fn(&Fields) -> (Refinement, bool),
     ) -> Result<Outcome, Failure> {
-        let Self { args, scene, bands, mesh, progress, interrupt } = *self;
+        let Self { args, scene, bands, mesh, is_dark, progress, interrupt } = *self;
         let tolerance = args.sum_tolerance();
         let elements = &mesh.elements;
         let surfels: Vec<Surfel> = elements.iter().map(|element| *element.surfel()).collect();
@@ -119,25 +156,30 @@ impl Run<'_> {
         let mut visibility = Visibility::new(shadows);
         if args.visibility == VisibilityName::Fractional {
             let optics = Optics::<1>::new(scene, mesh, args.quantity.into(), 1, 0);
-            let brightness = optics.brightness(&surfels).ok_or(match args.quantity {
-                QuantityName::Light => Failure::Dark("emits light"),
-                QuantityName::Heat => Failure::Dark("has a temperature"),
-            })?;
+            // Where nothing emits, form factors are all that counts, and all alike.
+            let brightness = optics.brightness(&surfels).unwrap_or_default();
             visibility = visibility.fractional(tolerance, brightness)?;
         }
 
         let bar = progress.bar("planning");
         let method = Method { scheme: args.scheme, expansion: args.expansion, tolerance };
         let show = bar.shower();
-        let gather =
-            Gather::<BANDS>::plan(&surfels, &visibility, method, &|done| show(done.fraction))?;
+        let mask = Ending { visibility: &visibility, ends };
+        let gather = Gather::<BANDS>::plan(&surfels, mask, method, &|done| show(done.fraction));
         drop(bar);
+        if ends() {
+            return Ok(Outcome::Ended);
+        }
+        let gather = gather?;
         let counts = visibility.counts();
         let pairs = Pairs::new(gather.stats(), &counts);
         let bar = progress.spinner("near pairs");
         let corrections = Corrections::new(elements, shadows, tolerance)?;
         let zones = corrections.zones();
         drop(bar);
+        if ends() {
+            return Ok(Outcome::Ended);
+        }
 
         let bar = progress.spinner("closing");
         let mut operator = RadiosityOperator::new(elements, |b| gather.apply(b), corrections)?;
@@ -147,11 +189,13 @@ impl Run<'_> {
         let closure = if args.visibility == VisibilityName::None {
             Closure::default()
         } else {
-            operator.close(enclosure, MOST_CLOSURE)?
+            operator.close(enclosure, MOST_CLOSURE).map_err(|error| self.not_closable(error))?
         };
         let closed_sums = operator.row_sums()?;
         let reciprocity_error = operator.reciprocity_error()?;
         drop(bar);
+        let warnings =
+            Warning::of_exchange(scene, mesh, &sight, &row_sums, |k| operator.scaling(k));
 
         let pairwise = Visibility::new(shadows);
         let exchange = Exchange { surfels: &surfels, operator: &operator, visibility: &pairwise };
@@ -167,8 +211,19 @@ impl Run<'_> {
         let (mut iterations, mut interrupted) = (0, false);
         let (mut residual, mut energy, mut error) = (0.0f64, 0.0f64, 0.0f64);
         let mut check = None;
+        let mut checked = |radiosity: &[[f64; BANDS]]| {
+            let _bar = progress.spinner("checking");
+            let gathered = operator.apply(radiosity)?;
+            let found = Check::new(&exchange, &pairwise, radiosity, &gathered, SAMPLES);
+            error = error.max(found.relative_l2_error);
+            check.get_or_insert(found);
+            Ok::<_, Error>(())
+        };
         interrupt.hold(true);
-        for first in (0..bands).step_by(BANDS) {
+        if is_dark {
+            checked(&vec![[1.0; BANDS]; count])?;
+        }
+        for first in (0..if is_dark { 0 } else { bands }).step_by(BANDS) {
             let optics = Optics::<BANDS>::new(scene, mesh, args.quantity.into(), bands, first);
             let solution = exchange.solve(&optics, args.solver, tolerance, progress, interrupt)?;
             iterations += solution.iterations;
@@ -182,27 +237,27 @@ impl Run<'_> {
                     fields.irradiance[i * bands + k] = solution.irradiance[i][k - first];
                 }
             }
-            let _bar = progress.spinner("checking");
-            let gathered = operator.apply(&solution.radiosity)?;
-            let radiosity = &solution.radiosity;
-            let found = Check::new(&exchange, &pairwise, radiosity, &gathered, SAMPLES);
-            error = error.max(found.relative_l2_error);
-            check.get_or_insert(found);
+            checked(&solution.radiosity)?;
         }
-        let refinement = refined(&fields);
+        if interrupted && ends() {
+            return Ok(Outcome::Ended);
+        }
+        let (refinement, may_be_finer) = refined(&fields);
         let few = count < args.element_count() * 9 / 10;
-        let too_coarse = !last && refinement.error > tolerance && few;
-        if too_coarse && !interrupt.is_asked() {
-            return Ok(Outcome::TooCoarse(refinement.cuts));
-        }
-        interrupted |= too_coarse;
+        let coarse = refinement.error.is_none_or(|error| error > tolerance);
+        let too_coarse = !is_dark && may_be_finer && coarse && few;
+        let goes_on = too_coarse && !interrupt.is_asked();
+        interrupted |= too_coarse && !goes_on;
         let check = check.expect("there is a band");
         let accurate = error <= tolerance;
-        if !(accurate || interrupted) {
+        if !(accurate || interrupted || goes_on) {
             let sampled = check.sampled;
             return Err(Failure::Inaccurate { error, sampled, tolerance });
         }
 
+        let by_pixel = args.quantity == QuantityName::Light
+            && !(args.no_picture || is_dark)
+            && direct_light_by_pixel(scene);
         let indirect = || {
             let mut field = zeros();
             for first in (0..bands).step_by(BANDS) {
@@ -221,40 +276,13 @@ impl Run<'_> {
                     }
                 }
             }
-            Ok::<_, farfield_radiosity::Error>(field)
+            Ok::<_, Error>(field)
         };
-        let picture = match args.quantity {
-            QuantityName::Light => {
-                let indirect = direct_light_by_pixel(scene).then(indirect).transpose()?;
-                let bar = progress.bar("rendering");
-                let (show, indirect) = (bar.shower(), indirect.as_deref());
-                Picture::of_light(&sight, &fields, shadows, indirect, show)?
-            }
-            QuantityName::Heat => {
-                let bar = progress.bar("rendering");
-                Picture::of_heat(&sight, &fields, bar.shower())?
-            }
-        };
-
-        if let Some(path) = &args.form_factors
-            && !interrupted
-        {
-            let bar = progress.bar("form factors");
-            let failed = |source| OutputError::new(path, source);
-            let mut file = BufWriter::new(File::create(path).map_err(failed)?);
-            let report = |done| {
-                bar.show(done);
-                interrupt.flow()
-            };
-            let rows = factors::write(&mut file, &exchange, LISTED * tolerance, report)
-                .and_then(|rows| file.flush().map(|()| rows))
-                .map_err(failed)?;
-            interrupted = rows < count;
-        }
+        let indirect = by_pixel.then(indirect).transpose()?;
 
         // Each iteration gathers once; Southwell's shots, pair by pair as they are, weigh as one.
         let sums = if args.solver == SolverName::Southwell { 1 } else { iterations };
-        let uncertainty = visibility.uncertainty(area);
+        let solves = !is_dark;
         let figures = Figures {
             pairs,
             counts,
@@ -262,49 +290,41 @@ impl Run<'_> {
             row_sums: RowSums::new(elements, &row_sums, scene.closed),
             reciprocity_error,
             closure,
-            uncertainty,
+            uncertainty: visibility.uncertainty(area),
             iterations,
-            residual,
+            residual: solves.then_some(residual),
             interrupted,
-            energy,
+            energy: solves.then_some(energy),
             error,
             check,
             sums,
             element_error: refinement.error,
         };
-        let mut report = figures.report(args, &scene.repairs, [bands, count], progress);
-        report.repairs.extend(picture.repair.clone());
-        report.files = self.write(output, &picture, &fields)?;
-        report.phases = progress.seconds();
-        output.write("report.json", |file| {
-            serde_json::to_writer_pretty(&mut *file, &report)?;
-            writeln!(file)
-        })?;
-        report.files.push("report.json");
-        Ok(Outcome::Done(Box::new(report)))
+        let mut solved = Solved { fields, figures, indirect, warnings };
+        if goes_on {
+            return Ok(Outcome::TooCoarse(refinement.cuts, solved));
+        }
+        if args.is_adaptive() && solves && !interrupted {
+            let missed = Warning::of_elements(count, refinement.error, tolerance);
+            solved.warnings.extend(missed);
+        }
+        strict(args, &solved.warnings)?;
+        if !interrupted {
+            let whole = write_factors(args, &exchange, interrupt, progress, output)?;
+            solved.figures.interrupted = !whole;
+        }
+        Ok(Outcome::Done(solved))
     }
 
-    fn write(
-        &self,
-        output: &mut Output,
-        picture: &Picture,
-        fields: &Fields,
-    ) -> Result<Vec<&'static str>, OutputError> {
-        let _bar = self.progress.spinner("writing");
-        output.png("radiosity.png", Picture::SIZE, &picture.codes)?;
-        output.write("radiosity.exr", |file| exr::write(file, Picture::SIZE, &picture.values))?;
-        output.ply_mesh("elements.ply", self.mesh, fields, &picture.elements)?;
-        output.vtu("elements.vtu", self.mesh, fields)?;
-        output.csv("elements.csv", self.mesh, fields)?;
-        output.write("elements.npy", |file| npy::write(file, &Table::new(self.mesh, fields)?))?;
-        Ok(vec![
-            "radiosity.png",
-            "radiosity.exr",
-            "elements.ply",
-            "elements.vtu",
-            "elements.csv",
-            "elements.npy",
-        ])
+    /// The failure of an exchange, with the place of what can't be closed.
+    fn not_closable(&self, error: Error) -> Failure {
+        match error {
+            Error::NotClosable { index, change, limit } => {
+                let element = self.mesh.describe(self.scene, index);
+                Failure::NotClosable { element, change, limit }
+            }
+            error => error.into(),
+        }
     }
 }
 
@@ -329,9 +349,10 @@ mod tests {
         interrupt.ask();
         let output = Output::new(&args.out).expect("writable");
         let report = run::<3>(&args, &scene, 3, output, &interrupt).expect("no failure");
-        assert!(report.interrupted && report.residual > 0.01 && report.iterations == 1);
+        assert!(report.interrupted && report.residual > Some(0.01) && report.iterations == 1);
         assert!(
-            report.elements <= scene.surfaces.len() + FIRST_ELEMENTS && report.element_error > 0.01
+            report.elements <= scene.surfaces.len() + FIRST_ELEMENTS
+                && report.element_error > Some(0.01)
         );
         assert_eq!(report.files.len(), 7);
         let repair = "camera that saw backs of surfaces, replaced by one outside";

@@ -7,6 +7,7 @@ use crate::cutting::pieces::{Cuts, pieces};
 use crate::scene::Scene;
 use crate::scene::error::SceneError;
 use crate::scene::geometry::{fan, regular_polygon, vector_area};
+use crate::scene::place::rounded;
 use crate::scene::surface::{ScenePoint, Surface};
 
 /// How many elements a mesh may have.
@@ -79,6 +80,15 @@ impl Mesh {
             mesh.add_point(point, free + index as u32, two_sided);
         }
         Ok(mesh)
+    }
+
+    /// An element in words: where it is, and which surface it is of.
+    pub fn describe(&self, scene: &Scene, element: usize) -> String {
+        let place = self.elements.get(element).map(|element| element.surfel().position);
+        let (Some(place), Some(&whole)) = (place, self.origin.get(element)) else {
+            return format!("element {element}");
+        };
+        format!("the element at {} of {}", rounded(place), scene.describe(whole as usize))
     }
 
     fn add_surface(

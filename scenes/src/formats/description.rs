@@ -95,7 +95,7 @@ pub(crate) struct Camera {
     /// What is up in its picture.
     #[serde(default = "y_axis")]
     pub(crate) up: [f64; 3],
-    /// From the left edge of the picture to the right one.
+    /// From the left edge of the picture to the right one; in a wide picture, of the square in its middle.
     #[serde(default = "normal_view")]
     pub(crate) fov_degrees: f64,
 }

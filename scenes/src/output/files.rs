@@ -23,13 +23,13 @@ impl OutputError {
     }
 }
 
-/// Files that appear in a folder together or not at all. They are written under temporary names, until
+/// Files that appear together or not at all. They are written under temporary names, until
 /// [`publish`](Self::publish) gives them their own; if it is never called, they are removed.
 #[derive(Debug)]
 pub struct Output {
     folder: PathBuf,
-    /// The names of the files written so far.
-    pending: Vec<&'static str>,
+    /// Where the files written so far belong.
+    pending: Vec<PathBuf>,
 }
 
 impl Output {
@@ -40,22 +40,34 @@ impl Output {
     pub fn new(folder: &Path) -> Result<Self, OutputError> {
         let failed = |source| OutputError { path: folder.to_owned(), source };
         fs::create_dir_all(folder).map_err(failed)?;
-        let mut output = Self { folder: folder.to_owned(), pending: Vec::new() };
-        output.write("probe", |file| file.write_all(&[0])).map_err(|e| failed(e.source))?;
-        output.discard();
+        let output = Self { folder: folder.to_owned(), pending: Vec::new() };
+        output.check(&folder.join("probe")).map_err(|e| failed(e.source))?;
         Ok(output)
     }
 
-    /// Writes a square picture of sRGB codes, row by row from the upper left corner.
+    /// Checks that a file can be written at `path`, and leaves nothing there.
+    ///
+    /// # Errors
+    /// Those of the system, with the path.
+    pub fn check(&self, path: &Path) -> Result<(), OutputError> {
+        let failed = |source| OutputError { path: path.to_owned(), source };
+        refuse_folder(path).map_err(failed)?;
+        let probe = beside(path, PARTIAL);
+        let written = fs::write(&probe, [0]);
+        drop(fs::remove_file(&probe));
+        written.map_err(failed)
+    }
+
+    /// Writes a picture of so many columns and rows of sRGB codes, row by row from the upper left corner.
     pub fn png(
         &mut self,
         name: &'static str,
-        size: usize,
+        size: [usize; 2],
         codes: &[[u8; 3]],
     ) -> Result<(), OutputError> {
-        let edge = size as u32;
+        let [width, height] = size.map(|edge| edge as u32);
         self.write(name, |file| {
-            let mut encoder = png::Encoder::new(file, edge, edge);
+            let mut encoder = png::Encoder::new(file, width, height);
             encoder.set_color(png::ColorType::Rgb);
             encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
             let mut writer = encoder.write_header()?;
@@ -104,43 +116,89 @@ impl Output {
         name: &'static str,
         content: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
     ) -> Result<(), OutputError> {
-        self.pending.push(name);
-        let path = self.temporary(name);
-        let written = File::create(&path).and_then(|file| {
+        let path = self.folder.join(name);
+        self.write_at(&path, content)
+    }
+
+    /// Writes a file that need not be in the folder.
+    ///
+    /// # Errors
+    /// Those of [`write`](Self::write).
+    pub fn write_at(
+        &mut self,
+        path: &Path,
+        content: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
+    ) -> Result<(), OutputError> {
+        self.pending.push(path.to_owned());
+        let partial = beside(path, PARTIAL);
+        let written = File::create(&partial).and_then(|file| {
             let mut file = BufWriter::new(file);
             content(&mut file)?;
             file.flush()
         });
-        written.map_err(|source| OutputError { path, source })
+        written.map_err(|source| OutputError { path: partial, source })
     }
 
-    /// Gives all files their names, replacing earlier ones.
-    pub fn publish(mut self) -> Result<(), OutputError> {
-        while let Some(name) = self.pending.last() {
-            let path = self.folder.join(name);
-            fs::rename(self.temporary(name), &path)
-                .map_err(|source| OutputError { path, source })?;
-            self.pending.pop();
+    /// Gives all files their names, replacing earlier ones. If that fails for one of them, the earlier
+    /// ones are put back.
+    ///
+    /// # Errors
+    /// Those of the system, with the file that they concern.
+    pub fn publish(self) -> Result<(), OutputError> {
+        let mut done: Vec<&Path> = Vec::new();
+        for path in &self.pending {
+            if let Err(source) = replace(path) {
+                done.iter().for_each(|path| put_back(path));
+                return Err(OutputError { path: path.clone(), source });
+            }
+            done.push(path);
         }
+        // What can't be removed stays under its temporary name.
+        done.iter().for_each(|path| drop(fs::remove_file(beside(path, EARLIER))));
         Ok(())
-    }
-
-    fn temporary(&self, name: &str) -> PathBuf {
-        self.folder.join(format!(".{name}.{}.partial", std::process::id()))
-    }
-
-    /// Removes what was written. What can't be removed stays under its temporary name.
-    fn discard(&mut self) {
-        for name in std::mem::take(&mut self.pending) {
-            drop(fs::remove_file(self.temporary(name)));
-        }
     }
 }
 
 impl Drop for Output {
     fn drop(&mut self) {
-        self.discard();
+        // What can't be removed stays under its temporary name.
+        self.pending.iter().for_each(|path| drop(fs::remove_file(beside(path, PARTIAL))));
     }
+}
+
+/// How files are called that are not whole yet, and those that are about to be replaced.
+const PARTIAL: &str = "partial";
+const EARLIER: &str = "earlier";
+
+/// A temporary name beside a file.
+fn beside(path: &Path, what: &str) -> PathBuf {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    path.with_file_name(format!(".{name}.{}.{what}", std::process::id()))
+}
+
+/// Fails if there is a folder where a file is to be.
+fn refuse_folder(path: &Path) -> io::Result<()> {
+    if path.is_dir() { Err(io::ErrorKind::IsADirectory.into()) } else { Ok(()) }
+}
+
+/// Gives a file its name and puts an earlier one of that name aside.
+fn replace(path: &Path) -> io::Result<()> {
+    refuse_folder(path)?;
+    match fs::rename(path, beside(path, EARLIER)) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
+        _ => (),
+    }
+    let renamed = fs::rename(beside(path, PARTIAL), path);
+    if renamed.is_err() {
+        drop(fs::rename(beside(path, EARLIER), path));
+    }
+    renamed
+}
+
+/// Takes a file away that has its name, and puts the earlier one back.
+fn put_back(path: &Path) {
+    drop(fs::remove_file(path));
+    drop(fs::rename(beside(path, EARLIER), path));
 }
 
 #[cfg(test)]
@@ -160,7 +218,7 @@ mod tests {
     #[test]
     fn files_appear_only_when_published() {
         let folder = folder("publish");
-        let write = |output: &mut Output| output.png("s.png", 1, &[[1, 2, 3]]);
+        let write = |output: &mut Output| output.png("s.png", [1, 1], &[[1, 2, 3]]);
 
         let mut output = Output::new(&folder).expect("writable");
         write(&mut output).expect("written");
@@ -173,6 +231,29 @@ mod tests {
         assert_eq!(names(&folder), ["s.png"]);
         let png = fs::read(folder.join("s.png")).expect("readable");
         assert_eq!(&png[1..4], b"PNG");
+        fs::remove_dir_all(&folder).expect("removable");
+    }
+
+    #[test]
+    fn where_one_file_cannot_be_replaced_all_stay_as_they_were() {
+        let folder = folder("replace");
+        let mut output = Output::new(&folder).expect("writable");
+        let elsewhere = folder.join("sub").join("table");
+        assert!(output.check(&elsewhere).is_err() && output.check(&folder).is_err());
+        fs::create_dir(folder.join("sub")).expect("made");
+        output.check(&elsewhere).expect("writable");
+        fs::write(folder.join("first"), "earlier").expect("written");
+        let text = |file: &mut BufWriter<File>| file.write_all(b"later");
+        output.write("first", text).expect("written");
+        output.write_at(&elsewhere, text).expect("written");
+        output.write("third", text).expect("written");
+        fs::create_dir(folder.join("third")).expect("in the way");
+        assert!(output.publish().expect_err("in the way").to_string().contains("third"));
+        assert_eq!(fs::read(folder.join("first")).expect("there"), b"earlier");
+        assert!(names(&folder.join("sub")).is_empty());
+        let mut found = names(&folder);
+        found.sort_unstable();
+        assert_eq!(found, ["first", "sub", "third"]);
         fs::remove_dir_all(&folder).expect("removable");
     }
 

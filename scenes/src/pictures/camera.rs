@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use crate::scene::viewpoint::Viewpoint;
 
-/// A pinhole camera with a square film.
+/// A pinhole camera.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Camera {
     eye: DVec3,
@@ -17,13 +17,21 @@ pub(crate) struct Camera {
 }
 
 impl Camera {
-    /// The camera of a viewpoint. Where it looks nowhere, or along what is up, any direction will do.
+    /// The camera of a viewpoint, with a square film. Where it looks nowhere, or along what is up, any direction will do.
     pub(crate) fn at(view: &Viewpoint) -> Self {
         let forward = (view.target - view.eye).try_normalize().unwrap_or(DVec3::NEG_Z);
         let up = view.up.reject_from_normalized(forward).try_normalize();
         let up = up.unwrap_or_else(|| forward.any_orthonormal_vector());
         let half = 0.5 * view.film_over_focal;
         Self { eye: view.eye, forward, right: half * forward.cross(up), down: -half * up }
+    }
+
+    /// The same camera with more film at both ends of its longer edges: for pictures of so many columns and
+    /// rows, in the middle of which is the square that it saw before.
+    pub(crate) fn widened(self, [width, height]: [usize; 2]) -> Self {
+        let short = width.min(height).max(1) as f64;
+        let right = self.right * (width as f64 / short);
+        Self { right, down: self.down * (height as f64 / short), ..self }
     }
 
     /// Where the rays start.

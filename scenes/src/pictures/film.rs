@@ -15,15 +15,15 @@ use crate::pictures::tone::Rgb;
 /// Rays per pixel and axis.
 pub(crate) const RAYS: usize = 3;
 
-/// A square picture's camera, and how it takes it.
+/// A picture's camera, and how it takes it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Film {
     /// The camera.
     pub(crate) camera: Camera,
     /// What rays do at the backs of elements.
     pub(crate) backs: Backs,
-    /// Rows and columns.
-    pub(crate) size: usize,
+    /// Columns and rows.
+    pub(crate) size: [usize; 2],
 }
 
 /// A lit mesh, ready to be looked at.
@@ -83,14 +83,16 @@ impl Film {
         ray: impl Fn(DVec3, usize) -> Option<Rgb> + Sync,
         row_done: impl Fn() + Sync,
     ) -> Vec<(Rgb, usize)> {
-        let mut pixels = vec![([0.0; 3], 0); self.size * self.size];
-        let at = |pixel: usize, part: usize| {
-            (pixel as f64 + (part as f64 + 0.5) / RAYS as f64) / self.size as f64
+        let [width, height] = self.size;
+        let mut pixels = vec![([0.0; 3], 0); width * height];
+        let at = |pixel: usize, part: usize, count: usize| {
+            (pixel as f64 + (part as f64 + 0.5) / RAYS as f64) / count as f64
         };
-        pixels.par_chunks_mut(self.size.max(1)).enumerate().for_each(|(row, pixels)| {
+        pixels.par_chunks_mut(width.max(1)).enumerate().for_each(|(row, pixels)| {
             for (column, (sum, hits)) in pixels.iter_mut().enumerate() {
                 for turn in 0..RAYS * RAYS {
-                    let (x, y) = (at(column, turn % RAYS), at(row, turn / RAYS));
+                    let x = at(column, turn % RAYS, width);
+                    let y = at(row, turn / RAYS, height);
                     if let Some(value) = ray(self.camera.direction(x, y), turn) {
                         *hits += 1;
                         *sum = [0, 1, 2].map(|band| sum[band] + value[band]);
@@ -138,7 +140,7 @@ mod tests {
     fn film() -> Film {
         let [eye, target, up] = [3.0 * DVec3::Z, DVec3::ZERO, DVec3::Y];
         let camera = Camera::at(&Viewpoint { eye, target, up, film_over_focal: 2.0 / 3.0 });
-        Film { camera, backs: Backs::Opaque, size: SIZE }
+        Film { camera, backs: Backs::Opaque, size: [SIZE; 2] }
     }
 
     fn open() -> Occluders {
@@ -181,6 +183,27 @@ mod tests {
             let expected = [0.5 * (2.0 + x) / PI, 0.25 * (2.0 + y) / PI, 1.0];
             assert!((0..3).all(|band| (pixel[band] - expected[band]).abs() < 1e-9), "{pixel:?}");
             assert!((value.expect("seen") - 2.0 - x).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn a_wide_or_tall_picture_has_the_square_one_in_its_middle() {
+        let elements = grid(DVec3::new(-3.0, -3.0, 0.0), 6.0 * DVec3::X, 6.0 * DVec3::Y, [8, 8], 0);
+        let values: Vec<Rgb> = elements.iter().map(|e| [e.surfel().position.x; 3]).collect();
+        let field = smoothed(&elements, &open(), &values);
+        let (scene, mesh) = scene_of(&elements);
+        let sight = Sight::new(&scene, &mesh).expect("finite");
+        let square = film().values(&sight, &field, || ());
+        for size in [[2 * SIZE, SIZE], [SIZE, 2 * SIZE]] {
+            let film = Film { camera: film().camera.widened(size), size, ..film() };
+            let wide = film.values(&sight, &field, || ());
+            assert_eq!(wide.len(), 2 * SIZE * SIZE);
+            let [left, top] = size.map(|edge| (edge - SIZE) / 2);
+            for (k, value) in square.iter().enumerate() {
+                let other = wide[(top + k / SIZE) * size[0] + left + k % SIZE];
+                let change = value.expect("seen") - other.expect("seen");
+                assert!(change.abs() < 1e-9, "{size:?} {k} {change}");
+            }
         }
     }
 

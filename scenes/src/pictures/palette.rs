@@ -22,29 +22,30 @@ pub(crate) fn code(value: f64, range: &RangeInclusive<f64>) -> [u8; 3] {
     colorous::INFERNO.eval_continuous(fraction).into_array()
 }
 
-/// A square picture of `size` rows of values, row by row from the upper left corner, with a bar at its
+/// A picture of so many columns and rows of values, row by row from the upper left corner, with a bar at its
 /// right edge that shows which colours stand for which numbers. Where there is no value it is grey.
 pub(crate) fn picture(
     values: &[Option<f64>],
-    size: usize,
+    [width, height]: [usize; 2],
     range: &RangeInclusive<f64>,
 ) -> Vec<[u8; 3]> {
     let colour = |value: &Option<f64>| value.map_or(NOTHING, |value| code(value, range));
     let mut pixels: Vec<_> = values.iter().map(colour).collect();
     // Digits of about a fortieth of the picture, in whole pixels.
+    let size = width.min(height);
     let scale = (size / 240).max(1);
     if size < LEAST_SIZE {
         return pixels;
     }
     let mut paint = |x: usize, y: usize, colour: [u8; 3]| {
-        if x < size
-            && let Some(pixel) = pixels.get_mut(y * size + x)
+        if x < width
+            && let Some(pixel) = pixels.get_mut(y * width + x)
         {
             *pixel = colour;
         }
     };
-    let (top, bottom) = (size / 10, size - size / 10);
-    let (left, right) = (size - 8 * scale, size - 3 * scale);
+    let (top, bottom) = (height / 10, height - height / 10);
+    let (left, right) = (width - 8 * scale, width - 3 * scale);
     for y in top..bottom {
         let fraction = (bottom - 1 - y) as f64 / (bottom - 1 - top) as f64;
         let value = range.start() + fraction * (range.end() - range.start());
@@ -157,7 +158,7 @@ mod tests {
     #[test]
     fn the_bar_shows_the_palette_and_its_numbers() {
         let range = 0.0..=300.0;
-        let pixels = picture(&vec![None; 240 * 240], 240, &range);
+        let pixels = picture(&vec![None; 240 * 240], [240, 240], &range);
         assert_eq!(pixels[0], NOTHING);
         let bar = |y: usize| pixels[y * 240 + 234];
         assert_eq!(bar(26), code(300.0 * (215.0 - 26.0) / 191.0, &range));
@@ -166,7 +167,7 @@ mod tests {
         let zero = |column: usize, row: usize| pixels[(215 - 3 + row) * 240 + 232 - 7 + column];
         assert_eq!(zero(0, 0), INK);
         assert_eq!(zero(1, 2), OUTLINE);
-        assert_eq!(picture(&[Some(300.0), None], 1, &range), [code(300.0, &range), NOTHING]);
+        assert_eq!(picture(&[Some(300.0), None], [2, 1], &range), [code(300.0, &range), NOTHING]);
     }
 
     #[test]

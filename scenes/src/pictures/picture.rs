@@ -13,12 +13,14 @@ use crate::pictures::sight::Sight;
 use crate::pictures::smooth::Smooth;
 use crate::pictures::tone::{Rgb, ToneMap, colour};
 use crate::pictures::view::View;
-use crate::scene::STEFAN_BOLTZMANN;
+use crate::scene::{Quantity, STEFAN_BOLTZMANN};
 
 /// A picture and the colours of elements.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Picture {
+    /// Columns and rows.
+    pub size: [usize; 2],
     /// sRGB codes, row by row from the upper left corner.
     pub codes: Vec<[u8; 3]>,
     /// What the codes stand for: radiances, or temperatures \[K\] in every band.
@@ -32,7 +34,8 @@ pub struct Picture {
 impl Picture {
     /// The light that a camera sees. Given `indirect`, the irradiance \[W/m²\] of all light but what comes
     /// straight from lamps, the lamps' light is gathered pixel by pixel with sharp shadows, which is
-    /// worth it where [`direct_light_by_pixel`](crate::direct_light_by_pixel) says so. `progress` is told the fraction done.
+    /// worth it where [`direct_light_by_pixel`](crate::direct_light_by_pixel) says so. `size` is that of the
+    /// picture, columns and rows; `progress` is told the fraction done.
     ///
     /// # Errors
     /// [`Error::LengthMismatch`] unless the fields match the mesh.
@@ -41,6 +44,7 @@ impl Picture {
         fields: &Fields,
         shadows: &Occluders,
         indirect: Option<&[f64]>,
+        size: [usize; 2],
         progress: impl Fn(f64) + Sync,
     ) -> Result<Self, Error> {
         let irradiance = indirect.unwrap_or(&fields.irradiance);
@@ -55,7 +59,7 @@ impl Picture {
             |field: &[f64]| -> Vec<Rgb> { field.chunks(fields.bands.max(1)).map(colour).collect() };
         let Sight { scene, mesh, .. } = *sight;
         let View { place, backs, repair } = View::new(scene, sight);
-        let film = Film { camera: Camera::at(&place), backs, size: Self::SIZE };
+        let film = Film { camera: Camera::at(&place).widened(size), backs, size };
         let emission = of(&fields.emission);
         let irradiance = Smooth::new(&mesh.elements, sight, sight.occluders(), &of(irradiance));
         let lamps = Lamps::new(scene, mesh, &emission, RAYS);
@@ -71,42 +75,65 @@ impl Picture {
             irradiance: &irradiance,
             direct: indirect.map(|_| (&lamps, shadows)),
         };
-        let values = film.radiances(sight, &lit, rows_done(&progress));
+        let values = film.radiances(sight, &lit, rows_done(size, &progress));
         let tone = ToneMap::exposing(&values);
         let codes = values.iter().map(|radiance| tone.code(radiance)).collect();
         let radiosity = of(&fields.radiosity);
         let elements = radiosity.iter().map(|b| tone.code(&b.map(|b| FRAC_1_PI * b))).collect();
-        Ok(Self { codes, values, elements, repair })
+        Ok(Self { size, codes, values, elements, repair })
     }
 
-    /// Temperatures in false colours, by the first band of the radiosity. `progress` is told the
-    /// fraction done.
+    /// Temperatures in false colours, by the first band of the radiosity. `size` is that of the picture,
+    /// columns and rows; `progress` is told the fraction done.
     ///
     /// # Errors
     /// [`Error::LengthMismatch`] unless the fields match the mesh.
     pub fn of_heat(
         sight: &Sight,
         fields: &Fields,
+        size: [usize; 2],
         progress: impl Fn(f64) + Sync,
     ) -> Result<Self, Error> {
         check("radiosity", &fields.radiosity, sight, fields.bands)?;
         let View { place, backs, repair } = View::new(sight.scene, sight);
-        let film = Film { camera: Camera::at(&place), backs, size: Self::SIZE };
-        let temperature = |b: &f64| (b / STEFAN_BOLTZMANN).max(0.0).powf(0.25);
-        let first = fields.radiosity.iter().step_by(fields.bands.max(1));
-        let temperatures: Vec<f64> = first.map(temperature).collect();
+        let film = Film { camera: Camera::at(&place).widened(size), backs, size };
+        let temperatures = temperatures(fields);
         let held: Vec<Rgb> = temperatures.iter().map(|&t| [t; 3]).collect();
         let field = Smooth::new(&sight.mesh.elements, sight, sight.occluders(), &held);
-        let values = film.values(sight, &field, rows_done(&progress));
+        let values = film.values(sight, &field, rows_done(size, &progress));
         let range = palette::range(values.iter().flatten().copied());
-        let codes = palette::picture(&values, Self::SIZE, &range);
+        let codes = palette::picture(&values, size, &range);
         let elements = temperatures.iter().map(|&t| palette::code(t, &range)).collect();
         let values = values.iter().map(|value| [value.unwrap_or(0.0); 3]).collect();
-        Ok(Self { codes, values, elements, repair })
+        Ok(Self { size, codes, values, elements, repair })
     }
 
-    /// Rows and columns.
-    pub const SIZE: usize = 720;
+    /// The colours of elements without a picture, as sRGB codes: the exposure, or the range of
+    /// temperatures, is that of all of them.
+    pub fn elements_alone(fields: &Fields, quantity: Quantity) -> Vec<[u8; 3]> {
+        match quantity {
+            Quantity::Light => {
+                let bands = fields.radiosity.chunks(fields.bands.max(1));
+                let radiances: Vec<Rgb> = bands.map(|b| colour(b).map(|b| FRAC_1_PI * b)).collect();
+                let tone = ToneMap::exposing(&radiances);
+                radiances.iter().map(|radiance| tone.code(radiance)).collect()
+            }
+            Quantity::Heat => {
+                let temperatures = temperatures(fields);
+                let range = palette::range(temperatures.iter().copied());
+                temperatures.iter().map(|&t| palette::code(t, &range)).collect()
+            }
+        }
+    }
+
+    /// Columns and rows where nobody says otherwise.
+    pub const SIZE: [usize; 2] = [720; 2];
+}
+
+/// The temperatures of elements \[K\] by the first band of their radiosity.
+fn temperatures(fields: &Fields) -> Vec<f64> {
+    let temperature = |b: &f64| (b / STEFAN_BOLTZMANN).max(0.0).powf(0.25);
+    fields.radiosity.iter().step_by(fields.bands.max(1)).map(temperature).collect()
 }
 
 /// Checks that there is a number for every element and band of a mesh.
@@ -116,10 +143,10 @@ fn check(what: &'static str, field: &[f64], sight: &Sight, bands: usize) -> Resu
 }
 
 /// Counts the rows of a picture.
-fn rows_done(show: &(impl Fn(f64) + Sync)) -> impl Fn() + Sync {
+fn rows_done([_, height]: [usize; 2], show: &(impl Fn(f64) + Sync)) -> impl Fn() + Sync {
     let rows = std::sync::atomic::AtomicUsize::new(0);
     move || {
         let done = 1 + rows.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
-        show(done as f64 / Picture::SIZE as f64);
+        show(done as f64 / height as f64);
     }
 }

@@ -91,7 +91,7 @@ impl<'a> Sight<'a> {
 
     /// Whether a point on a surface of this unit normal lies within a solid that stands on it: wherever
     /// it looks, it sees backs.
-    pub(crate) fn is_buried(&self, point: DVec3, normal: DVec3) -> bool {
+    pub fn is_buried(&self, point: DVec3, normal: DVec3) -> bool {
         let (u, v) = normal.any_orthonormal_pair();
         let aside = [DVec3::ZERO, u, v, -u, -v];
         aside.into_iter().all(|aside| self.meets_back(point, (normal + SLANT * aside).normalize()))

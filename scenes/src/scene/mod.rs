@@ -140,6 +140,19 @@ impl Scene {
         self.materials.first().map_or(0, |material| material.reflectance.len())
     }
 
+    /// The materials that surfaces and points are made of, in their order.
+    pub fn materials_in_use(&self) -> Vec<&Material> {
+        let mut used = vec![false; self.materials.len()];
+        let surfaces = self.surfaces.iter().map(|surface| surface.material);
+        for material in surfaces.chain(self.points.iter().map(|point| point.material)) {
+            if let Some(used) = used.get_mut(material) {
+                *used = true;
+            }
+        }
+        let all = self.materials.iter().zip(used);
+        all.filter(|(_, used)| *used).map(|(material, _)| material).collect()
+    }
+
     /// What a material radiates \[W/m²], band by band: for light its emission; for heat (1 − ρ) σ T⁴,
     /// which is nothing for a material without a temperature.
     pub(crate) fn emission(&self, material: usize, quantity: Quantity) -> Vec<f64> {
