@@ -6,7 +6,7 @@
 //! | folder | what it does |
 //! |---|---|
 //! | `scene` | surfaces, oriented points, materials and camera, with the checks they must pass |
-//! | `repair` | mends what files hold: welding, triangulation, orientation |
+//! | `repair` | mends what files hold: welding, triangulation, orientation, panels that look out of closed rooms |
 //! | `generators` | scenes by name, such as the Cornell box |
 //! | `formats` | reads OBJ, STL, PLY, OFF, and descriptions in TOML |
 //! | `cutting` | cuts surfaces into elements, as small as a tolerance asks for |

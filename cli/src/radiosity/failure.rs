@@ -19,8 +19,6 @@ pub(crate) enum Failure {
     Unweighed,
     #[error("{0}; form factors alone come by `--form-factors FILE`")]
     Dark(Warning),
-    #[error("interrupted; nothing was written")]
-    Nothing,
     #[error("{}; nothing was written (--strict)", sentences(warnings))]
     Strict { warnings: Vec<Warning> },
     #[error(

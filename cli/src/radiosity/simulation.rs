@@ -1,5 +1,6 @@
 //! A run: from a scene to its solution, on meshes as fine as the tolerance takes.
 
+use std::cell::Cell;
 use std::io::{self, Write};
 
 use farfield_radiosity::{
@@ -29,6 +30,10 @@ const MOST_CLOSURE: f64 = 0.5;
 /// Elements of the first mesh beyond one per surface where the tolerance decides; meshes at most.
 const FIRST_ELEMENTS: usize = 2000;
 const MOST_MESHES: usize = 6;
+/// By which factor an error may exceed the tolerance for rounded cuts to be what is wrong, and how much
+/// closer they are made then.
+const NEARLY: f64 = 2.0;
+const CLOSER: f64 = 0.95;
 
 /// Solves a scene and writes everything about it; once `interrupt`ed, what there is.
 ///
@@ -68,21 +73,27 @@ pub(crate) fn run<const BANDS: usize>(
     let warnings = Warning::of_scene(args, scene, mesh.elements.len())?;
     strict(args, &warnings)?;
     let mut meshes = 1;
+    // What cuts are made for, which come in whole numbers.
+    let aim = Cell::new(tolerance);
     let mut latest: Option<(Mesh, Solved)> = None;
     let (mesh, solved) = loop {
         let last = meshes == MOST_MESHES || !args.is_adaptive();
-        let is_first = latest.is_none();
-        let ends = || !is_first && interrupt.is_asked();
         let run = Run { args, scene, bands, mesh: &mesh, is_dark, progress: &progress, interrupt };
         let refined = |fields: &Fields| {
             let field = &fields.irradiance;
             let most = args.element_count();
-            let next = Refinement::new(scene, &mesh, field, tolerance, most);
+            let mut next = Refinement::new(scene, &mesh, field, aim.get(), most);
+            if let Some(error) = next.error
+                && (tolerance..NEARLY * tolerance).contains(&error)
+            {
+                aim.set(aim.get() * CLOSER * tolerance / error);
+                next = Refinement::new(scene, &mesh, field, aim.get(), most);
+            }
             let finer = !last && next.cuts != cuts;
             (next, finer)
         };
-        match (run.solve::<BANDS>(&mut output, &ends, &refined)?, latest) {
-            (Outcome::TooCoarse(next, solved), _) => {
+        match run.solve::<BANDS>(&mut output, &mut latest, &refined)? {
+            Outcome::TooCoarse(next, solved) => {
                 if !args.quiet {
                     let again = solved.too_coarse(mesh.elements.len());
                     drop(writeln!(io::stderr(), "farfield radiosity: {again}"));
@@ -92,12 +103,8 @@ pub(crate) fn run<const BANDS: usize>(
                 cuts = next;
                 meshes += 1;
             }
-            (Outcome::Done(solved), _) => break (mesh, solved),
-            (Outcome::Ended, Some((coarser, mut solved))) => {
-                solved.figures.interrupted = true;
-                break (coarser, solved);
-            }
-            (Outcome::Ended, None) => return Err(Failure::Nothing),
+            Outcome::Done(solved) => break (mesh, solved),
+            Outcome::Kept(mesh, solved) => break (mesh, solved),
         }
     };
     let report = deliver(args, scene, &mesh, solved, warnings, &progress, &mut output)?;
@@ -119,8 +126,8 @@ enum Outcome {
     Done(Solved),
     /// It is solved, but the elements are too large: what to cut surfaces into instead.
     TooCoarse(Vec<Cuts>, Solved),
-    /// It was told to end before it was solved.
-    Ended,
+    /// It was told to end before it was solved: what there is of an earlier mesh.
+    Kept(Mesh, Solved),
 }
 
 /// One mesh, and what to do with it.
@@ -136,12 +143,12 @@ struct Run<'a> {
 }
 
 impl Run<'_> {
-    /// Solves on the mesh, unless it `ends` before. `refined` says what the tolerance asks for instead,
-    /// and whether that may be tried.
+    /// Solves on the mesh, unless it is told to end before and there is a solution to be kept. `refined`
+    /// says what the tolerance asks for instead, and whether that may be tried.
     fn solve<const BANDS: usize>(
         &self,
         output: &mut Output,
-        ends: &(dyn Fn() -> bool + Sync),
+        kept: &mut Option<(Mesh, Solved)>,
         refined: &dyn Fn(&Fields) -> (Refinement, bool),
     ) -> Result<Outcome, Failure> {
         let Self { args, scene, bands, mesh, is_dark, progress, interrupt } = *self;
@@ -164,11 +171,12 @@ impl Run<'_> {
         let bar = progress.bar("planning");
         let method = Method { scheme: args.scheme, expansion: args.expansion, tolerance };
         let show = bar.shower();
-        let mask = Ending { visibility: &visibility, ends };
+        let keeps = kept.is_some();
+        let mask = Ending { visibility: &visibility, ends: &|| keeps && interrupt.is_asked() };
         let gather = Gather::<BANDS>::plan(&surfels, mask, method, &|done| show(done.fraction));
         drop(bar);
-        if ends() {
-            return Ok(Outcome::Ended);
+        if let Some((mesh, solved)) = self.ended(kept) {
+            return Ok(Outcome::Kept(mesh, solved));
         }
         let gather = gather?;
         let counts = visibility.counts();
@@ -177,8 +185,8 @@ impl Run<'_> {
         let corrections = Corrections::new(elements, shadows, tolerance)?;
         let zones = corrections.zones();
         drop(bar);
-        if ends() {
-            return Ok(Outcome::Ended);
+        if let Some((mesh, solved)) = self.ended(kept) {
+            return Ok(Outcome::Kept(mesh, solved));
         }
 
         let bar = progress.spinner("closing");
@@ -239,8 +247,8 @@ impl Run<'_> {
             }
             checked(&solution.radiosity)?;
         }
-        if interrupted && ends() {
-            return Ok(Outcome::Ended);
+        if interrupted && let Some((mesh, solved)) = self.ended(kept) {
+            return Ok(Outcome::Kept(mesh, solved));
         }
         let (refinement, may_be_finer) = refined(&fields);
         let few = count < args.element_count() * 9 / 10;
@@ -314,6 +322,13 @@ impl Run<'_> {
             solved.figures.interrupted = !whole;
         }
         Ok(Outcome::Done(solved))
+    }
+
+    /// What is kept, if the run is asked to end.
+    fn ended(&self, kept: &mut Option<(Mesh, Solved)>) -> Option<(Mesh, Solved)> {
+        let (mesh, mut solved) = kept.take_if(|_| self.interrupt.is_asked())?;
+        solved.figures.interrupted = true;
+        Some((mesh, solved))
     }
 
     /// The failure of an exchange, with the place of what can't be closed.

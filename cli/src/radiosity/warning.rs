@@ -152,8 +152,7 @@ impl Warning {
             None => "off by an unknown error".to_owned(),
         };
         let message = format!(
-            "the tolerance of {tolerance:e} is missed: constants on {count} elements are {found}, and \
-             more elements are not allowed (--elements)"
+            "the tolerance of {tolerance:e} is missed: constants on {count} elements are {found}"
         );
         Some(Self::new(WarningKind::MissedTolerance, message))
     }

@@ -162,7 +162,7 @@ fn count(scene: &Scene, cuts: impl Iterator<Item = Cuts>) -> f64 {
 /// one for every side of every surface and point, and fewer where many surfaces of equal size would go
 /// from too few to too many at once.
 ///
-/// Of however many surfaces there are, large ones are cut first: a third of `elements` is theirs, beyond
+/// Of however many surfaces there are, large ones are cut first: half of `elements` is theirs, beyond
 /// one for every side. [`fewest_elements`] says how many take nothing beyond what is asked for.
 ///
 /// # Errors
@@ -216,7 +216,7 @@ pub fn fewest_elements(scene: &Scene) -> Result<usize, SceneError> {
 }
 
 /// One part in so many of the elements asked for is kept for cutting large surfaces.
-const SHARE: usize = 3;
+const SHARE: usize = 2;
 
 /// How often the edge of elements is bisected, down to a thousandth.
 const BISECTIONS: usize = 10;
@@ -292,13 +292,13 @@ mod tests {
         };
         let mut scene = single(&rectangle(1.0, 1.0), false);
         (0..1200).for_each(|k| scene.add(&small(k), 0, 4));
-        assert_eq!(fewest_elements(&scene).expect("valid"), 1802);
-        for asked in [100, 600, 1200, 1802, 3000] {
+        assert_eq!(fewest_elements(&scene).expect("valid"), 2402);
+        for asked in [100, 600, 1200, 2402, 3000] {
             let mesh = Mesh::new(&scene, asked).expect("valid");
             let of_floor = mesh.origin.iter().filter(|&&origin| origin == 0).count();
-            assert!(of_floor as f64 > 0.6 * (asked / 3) as f64, "{asked}: {of_floor}");
+            assert!(of_floor as f64 > 0.6 * (asked / 2) as f64, "{asked}: {of_floor}");
             let found = mesh.elements.len();
-            assert!(found <= asked.max(1201 + asked / 3), "{asked}: {found}");
+            assert!(found <= asked.max(1201 + asked / 2), "{asked}: {found}");
         }
         scene.surfaces.remove(0);
         assert_eq!(fewest_elements(&scene).expect("valid"), 1200);

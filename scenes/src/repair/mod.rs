@@ -1,5 +1,5 @@
 //! Mending of what files hold: vertices welded, polygons cut into flat convex pieces, neighbours made to
-//! agree about their fronts, areas of points estimated.
+//! agree about their fronts and look into closed rooms, areas of points estimated.
 
 pub(crate) mod facing;
 pub(crate) mod flat;
