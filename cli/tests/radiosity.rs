@@ -300,9 +300,8 @@ fn uncut_triangles_are_cut_to_the_tolerance_and_a_missed_one_is_said() {
     assert_eq!(code, Some(0), "{message}");
     let coarse = report(&folder.path().join("out"));
     assert_eq!(kinds(&coarse), ["missed-tolerance"]);
-    assert!(
-        message.contains("the tolerance of 1e-3 is missed: constants on 576 elements are off by")
-    );
+    assert!(message.contains("the tolerance of 1e-3 is missed: constants on "), "{message}");
+    assert!(coarse["elements"].as_u64().is_some_and(|count| count <= 700), "{coarse}");
     assert!(coarse["element_error"].as_f64().is_some_and(|error| error > 0.02), "{coarse}");
     let (code, message, _) =
         run_on(&files, "--tolerance 0.001 --elements 700 --no-picture --strict");

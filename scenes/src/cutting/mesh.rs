@@ -148,7 +148,7 @@ fn sides(scene: &Scene) -> usize {
 }
 
 /// How many elements surfaces with these cuts, and points, come to.
-fn count(scene: &Scene, cuts: impl Iterator<Item = Cuts>) -> f64 {
+pub(crate) fn count(scene: &Scene, cuts: impl Iterator<Item = Cuts>) -> f64 {
     let sides = |material: usize| if scene.materials[material].two_sided { 2.0 } else { 1.0 };
     let of_surface = |(surface, [nu, nv]): (&Surface, Cuts)| {
         let last = if surface.corners.len() == 3 { nu } else { nv };

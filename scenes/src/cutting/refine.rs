@@ -1,6 +1,6 @@
 //! Elements as small as a tolerance asks for, and no smaller.
 
-use crate::cutting::mesh::{Mesh, Whole, edge_lengths};
+use crate::cutting::mesh::{Mesh, Whole, count, edge_lengths};
 use crate::cutting::pieces::{Cuts, piece_count, piece_number};
 use crate::cutting::slopes::Slopes;
 use crate::scene::Scene;
@@ -26,8 +26,8 @@ const STEP: f64 = 4.0;
 const UNKNOWN: f64 = 0.05;
 
 impl Refinement {
-    /// The cuts that bring the error of one constant per element down to `tolerance`, with at most about
-    /// `most` elements. `mesh` is that of the scene, and `values` is a field on it: any number of bands
+    /// The cuts that bring the error of one constant per element down to `tolerance`, with at most
+    /// `most` elements unless there are more surfaces. `mesh` is that of the scene, and `values` is a field on it: any number of bands
     /// per element, the elements one after the other.
     ///
     /// On a piece of edges a and b, the field is off its mean by ((a ∂_u f)² + (b ∂_v f)²)/12 in the mean
@@ -80,10 +80,7 @@ impl Refinement {
         // Half of all elements at most go to what nothing is known of.
         let asked = 4 * errors.iter().filter(|known| known.is_none()).count();
         let asked = if 2 * asked <= most { asked } else { 0 };
-        let left = (most - asked) as f64;
-        let fits = left / strengths.iter().sum::<f64>().max(f64::MIN_POSITIVE);
-        let per_strength = wanted.min(fits);
-        let cut = |k: usize| -> Cuts {
+        let cut = |k: usize, per_strength: f64| -> Cuts {
             if errors[k].is_none() {
                 return if asked > 0 { [2; 2] } else { [1; 2] };
             }
@@ -94,9 +91,26 @@ impl Refinement {
                 along[axis].clamp(now / STEP, now * STEP).round().max(1.0) as u32
             })
         };
-        Self { cuts: (0..errors.len()).map(cut).collect(), error }
+        let cut = &cut;
+        let all = |per_strength: f64| (0..errors.len()).map(move |k| cut(k, per_strength));
+        let fits = |per_strength: f64| count(scene, all(per_strength)) <= most as f64;
+        let strength = strengths.iter().sum::<f64>().max(f64::MIN_POSITIVE);
+        let mut high = wanted.min(2.0 * most as f64 / strength);
+        if !fits(high) {
+            // Cuts are rounded, so that what fits has to be tried.
+            let mut low = 0.0;
+            for _ in 0..BISECTIONS {
+                let middle = 0.5 * (low + high);
+                if fits(middle) { low = middle } else { high = middle }
+            }
+            high = low;
+        }
+        Self { cuts: all(high).collect(), error }
     }
 }
+
+/// How often the number of elements that fit is bisected.
+const BISECTIONS: usize = 20;
 
 /// For each surface the mean square deviations from constants along its two edges, times area, both
 /// sides together; none for a surface in one piece without neighbours.
@@ -260,6 +274,9 @@ mod tests {
         let found = refinement.error.expect("known");
         assert!(found > 0.9 * error && found < 1.4 * error, "{found} {error}");
         assert!(refinement.cuts.iter().filter(|&&cuts| cuts[0] > 1).count() > 150);
+        let capped = Refinement::new(&scene, &mesh, &values, 0.5 * error, 300);
+        let found = Mesh::with_cuts(&scene, &capped.cuts).expect("a mesh").elements.len();
+        assert!((201..=300).contains(&found), "{found}");
     }
 
     #[test]
