@@ -5,6 +5,7 @@ use farfield_radiosity::{Closure, PairCounts, Zones};
 use super::args::{Args, VisibilityName};
 use super::balance::RowSums;
 use super::check::Check;
+use super::negative::Negative;
 use super::progress::Progress;
 use super::report::{Pairs, Report};
 use crate::memory::peak_memory_bytes;
@@ -15,6 +16,8 @@ pub(crate) struct Figures {
     pub(crate) counts: PairCounts,
     pub(crate) zones: Zones,
     pub(crate) row_sums: RowSums,
+    pub(crate) row_error: f64,
+    pub(crate) negative: Negative,
     pub(crate) reciprocity_error: f64,
     pub(crate) closure: Closure,
     pub(crate) uncertainty: f64,
@@ -61,6 +64,8 @@ impl Figures {
             near_pairs: self.zones.into(),
             visibility_uncertainty: self.uncertainty,
             row_sum: self.row_sums,
+            form_factor_error: self.row_error,
+            negative: self.negative,
             reciprocity_error: self.reciprocity_error,
             closure_correction: self.closure.largest,
             closure_rms: self.closure.rms,

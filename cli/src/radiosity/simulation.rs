@@ -3,9 +3,7 @@
 use std::fs::File;
 use std::io::{BufWriter, Write};
 
-use farfield_radiosity::{
-    Closure, Corrections, Enclosure, Occluders, RadiosityOperator, Surfel, Visibility,
-};
+use farfield_radiosity::{Closure, Occluders, RadiosityOperator, Surfel, Surroundings, Visibility};
 use farfield_scenes::{
     Cuts, Fields, Mesh, Optics, Output, OutputError, Picture, Refinement, Scene, Sight, Table,
     direct_light_by_pixel, even_cuts,
@@ -18,6 +16,7 @@ use super::failure::Failure;
 use super::figures::Figures;
 use super::gather::{Gather, Method};
 use super::interrupt::Interrupt;
+use super::negative::Negative;
 use super::progress::Progress;
 use super::report::{Pairs, Report};
 use super::solve::Exchange;
@@ -27,11 +26,15 @@ use super::{exr, factors, npy};
 const SAMPLES: usize = 1000;
 /// The most that a form factor may have to change for a row to sum to 1.
 const MOST_CLOSURE: f64 = 0.5;
+/// Rays in all that tell where the light of elements goes, and from each element at least and at most.
+const ALL_RAYS: usize = 1 << 18;
+const LEAST_RAYS: usize = 4;
+const MOST_RAYS: usize = 512;
 /// Elements of the first mesh beyond one per surface where the tolerance decides; meshes at most.
 const FIRST_ELEMENTS: usize = 2000;
 const MOST_MESHES: usize = 6;
-/// The least form factor that a table lists, in units of the tolerance.
-const LISTED: f64 = 1e-3;
+/// What a table of form factors may leave out of each row, in units of the tolerance.
+const LISTED: f64 = 1e-2;
 
 /// Solves a scene and writes everything about it; once `interrupt`ed, what there is.
 ///
@@ -116,7 +119,7 @@ impl Run<'_> {
         let nothing = Occluders::new(&[])?;
         let shadows =
             if args.visibility == VisibilityName::None { &nothing } else { sight.occluders() };
-        let mut visibility = Visibility::new(shadows);
+        let mut visibility = Visibility::of_elements(shadows, elements);
         if args.visibility == VisibilityName::Fractional {
             let optics = Optics::<1>::new(scene, mesh, args.quantity.into(), 1, 0);
             let brightness = optics.brightness(&surfels).ok_or(match args.quantity {
@@ -135,25 +138,29 @@ impl Run<'_> {
         let counts = visibility.counts();
         let pairs = Pairs::new(gather.stats(), &counts);
         let bar = progress.spinner("near pairs");
-        let corrections = Corrections::new(elements, shadows, tolerance)?;
+        let corrections = visibility.corrections(elements, tolerance)?;
         let zones = corrections.zones();
         drop(bar);
 
         let bar = progress.spinner("closing");
         let mut operator = RadiosityOperator::new(elements, |b| gather.apply(b), corrections)?;
         let row_sums = operator.row_sums()?;
-        let enclosure = if scene.closed { Enclosure::Closed } else { Enclosure::Open };
+        let rays = (ALL_RAYS / elements.len().max(1)).clamp(LEAST_RAYS, MOST_RAYS);
+        let around = Surroundings::new(elements, sight.occluders(), rays);
+        let parts =
+            if scene.closed { around.closed_parts().to_vec() } else { vec![None; elements.len()] };
+        let row_error = around.row_error(&row_sums);
         // Light that passes through everything closes nothing.
         let closure = if args.visibility == VisibilityName::None {
             Closure::default()
         } else {
-            operator.close(enclosure, MOST_CLOSURE)?
+            operator.close_parts(parts.clone(), MOST_CLOSURE)?
         };
         let closed_sums = operator.row_sums()?;
         let reciprocity_error = operator.reciprocity_error()?;
         drop(bar);
 
-        let pairwise = Visibility::new(shadows);
+        let pairwise = Visibility::of_elements(shadows, elements);
         let exchange = Exchange { surfels: &surfels, operator: &operator, visibility: &pairwise };
         let count = elements.len();
         let zeros = || vec![0.0; count * bands];
@@ -167,10 +174,15 @@ impl Run<'_> {
         let (mut iterations, mut interrupted) = (0, false);
         let (mut residual, mut energy, mut error) = (0.0f64, 0.0f64, 0.0f64);
         let mut check = None;
+        let mut negative = Negative::default();
         interrupt.hold(true);
         for first in (0..bands).step_by(BANDS) {
             let optics = Optics::<BANDS>::new(scene, mesh, args.quantity.into(), bands, first);
-            let solution = exchange.solve(&optics, args.solver, tolerance, progress, interrupt)?;
+            let mut solution =
+                exchange.solve(&optics, args.solver, tolerance, progress, interrupt)?;
+            if !solution.interrupted {
+                negative.take(&mut solution.irradiance, &surfels, tolerance)?;
+            }
             iterations += solution.iterations;
             interrupted |= solution.interrupted;
             residual = residual.max(solution.residual);
@@ -246,7 +258,7 @@ impl Run<'_> {
                 bar.show(done);
                 interrupt.flow()
             };
-            let rows = factors::write(&mut file, &exchange, LISTED * tolerance, report)
+            let rows = factors::write(&mut file, &exchange, &around, LISTED * tolerance, report)
                 .and_then(|rows| file.flush().map(|()| rows))
                 .map_err(failed)?;
             interrupted = rows < count;
@@ -259,7 +271,9 @@ impl Run<'_> {
             pairs,
             counts,
             zones,
-            row_sums: RowSums::new(elements, &row_sums, scene.closed),
+            row_sums: RowSums::new(elements, &row_sums, &parts),
+            row_error,
+            negative,
             reciprocity_error,
             closure,
             uncertainty,
