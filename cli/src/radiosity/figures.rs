@@ -1,6 +1,6 @@
 //! What a run on one mesh measured, as its report says it.
 
-use farfield_radiosity::{Closure, PairCounts, Zones};
+use farfield_radiosity::{Closure, PairCounts, Seen, Zones};
 
 use super::args::{Args, VisibilityName};
 use super::balance::RowSums;
@@ -17,6 +17,7 @@ pub(crate) struct Figures {
     pub(crate) zones: Zones,
     pub(crate) row_sums: RowSums,
     pub(crate) row_error: f64,
+    pub(crate) seen: Seen,
     pub(crate) negative: Negative,
     pub(crate) reciprocity_error: f64,
     pub(crate) closure: Closure,
@@ -65,6 +66,8 @@ impl Figures {
             visibility_uncertainty: self.uncertainty,
             row_sum: self.row_sums,
             form_factor_error: self.row_error,
+            to_backs: self.seen.backs,
+            to_sky: self.seen.sky,
             negative: self.negative,
             reciprocity_error: self.reciprocity_error,
             closure_correction: self.closure.largest,

@@ -55,6 +55,10 @@ pub(crate) struct Report {
     /// How far the rows of form factors are off before closure, in the root mean square over the area, by
     /// rays that know nothing of form factors. It needs no light.
     pub(crate) form_factor_error: f64,
+    /// The share of the light of all surfaces, were they equally bright, that ends at backs, by rays.
+    pub(crate) to_backs: f64,
+    /// And that leaves the scene.
+    pub(crate) to_sky: f64,
     /// Irradiances that came out below zero.
     pub(crate) negative: Negative,
     /// How far the exchange is from A_i F_ij = A_j F_ji.
@@ -163,6 +167,8 @@ impl fmt::Display for Report {
         }
         line("row sums", format!("{min:.4} to {max:.4}, off by {rms_error:.1e}"))?;
         line("form factors off by", format!("{:.1e}, by rays", self.form_factor_error))?;
+        line("light to the sky", percent(self.to_sky))?;
+        line("light to backs", percent(self.to_backs))?;
         let Negative { count, largest } = self.negative;
         if count > 0 {
             let what =

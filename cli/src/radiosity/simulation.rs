@@ -273,6 +273,7 @@ impl Run<'_> {
             zones,
             row_sums: RowSums::new(elements, &row_sums, &parts),
             row_error,
+            seen: around.mean(),
             negative,
             reciprocity_error,
             closure,

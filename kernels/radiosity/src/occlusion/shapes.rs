@@ -22,6 +22,7 @@ pub(crate) struct Shape {
     pub(crate) corners: [DVec3; 4],
     /// One in each quarter of it, at random there: on no border, and in step with nothing.
     pub(crate) points: [DVec3; POINTS],
+    pub(crate) normal: DVec3,
     /// See [`Element::radius`].
     pub(crate) radius: f64,
 }
@@ -73,13 +74,15 @@ impl Shape {
             let [row, column] = [k / 2, k % 2].map(|k| k as f64);
             element.point_at([0.5 * (row + within(2 * k)), 0.5 * (column + within(2 * k + 1))])
         });
-        Self { number: number as u32, corners, points, radius }
+        let normal = element.surfel().normal;
+        Self { number: number as u32, corners, points, normal, radius }
     }
 
     /// A surfel that no element is known to have: a point.
     pub(crate) fn point<T: Real>(surfel: &Surfel<T>) -> Self {
         let at = position(surfel);
-        Self { number: u32::MAX, corners: [at; 4], points: [at; POINTS], radius: 0.0 }
+        let normal = DVec3::from_array(surfel.normal.to_array().map(T::as_f64));
+        Self { number: u32::MAX, corners: [at; 4], points: [at; POINTS], normal, radius: 0.0 }
     }
 }
 

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use crate::elements::{Element, Surfel};
-use crate::numbers::mixed;
+use crate::numbers::in_cube;
 use crate::occlusion::{Facet, Occluders};
 use crate::surroundings::sides::Sides;
 
@@ -24,15 +24,6 @@ pub(crate) enum End {
     Back,
     Sky,
 }
-
-/// The steps of a sequence that fills the unit cube of four dimensions evenly: powers of the root of
-/// x⁵ = x + 1 (Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018).
-const STEPS: [f64; 4] = [
-    0.856_674_883_854_502_9,
-    0.733_891_856_627_126,
-    0.628_706_721_037_808_7,
-    0.538_597_257_223_610_1,
-];
 
 /// Sheets that lie on each other at one place; more are not told apart.
 const SHEETS: usize = 2;
@@ -70,10 +61,7 @@ struct Look<'a> {
 impl Look<'_> {
     /// Where a ray starts, and where it goes.
     fn ray(&self, ray: usize, turn: usize) -> (DVec3, DVec3) {
-        let number = |k: u64| (mixed(k) >> 11) as f64 / (1u64 << 53) as f64;
-        let [u, v, r, angle]: [f64; 4] = std::array::from_fn(|k| {
-            (number(4 * turn as u64 + k as u64) + ray as f64 * STEPS[k]).fract()
-        });
+        let [u, v, r, angle] = in_cube(ray, turn as u64);
         let normal = self.element.surfel().normal;
         let (x, y) = normal.any_orthonormal_pair();
         let (sin, cos) = (std::f64::consts::TAU * angle).sin_cos();

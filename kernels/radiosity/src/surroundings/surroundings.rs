@@ -20,6 +20,9 @@ pub struct Surroundings<'a> {
     parts: Vec<Option<u32>>,
 }
 
+/// Rays from all elements of a part together that find no way out of it, at least.
+const CLOSED_RAYS: usize = 1 << 14;
+
 impl<'a> Surroundings<'a> {
     /// Those of `elements` among `occluders`, by about `rays` rays from each of them.
     ///
@@ -28,42 +31,34 @@ impl<'a> Surroundings<'a> {
     /// the occluders.
     pub fn new(elements: &'a [Element], occluders: &'a Occluders, rays: usize) -> Self {
         let sides = Sides::new(elements);
-        let half = rays.div_ceil(2).max(1);
-        let looks = |i: usize| {
+        let look = |i: usize, rays: usize| {
             let mut fronts = Vec::new();
             let seen = [0, 1].map(|set| {
+                let half = rays.div_ceil(2).max(1);
                 seen_by(&elements[i], &sides, occluders, [half, 2 * i + set], |side| {
                     if !fronts.contains(&side) {
                         fronts.push(side);
                     }
                 })
             });
-            (seen, fronts)
+            Look { seen, fronts }
         };
-        let looked: Vec<([Seen; 2], Vec<u32>)> =
-            (0..elements.len()).into_par_iter().map(looks).collect();
-        let mut parts = Union::new(sides.count());
-        for (i, (_, fronts)) in looked.iter().enumerate() {
-            fronts.iter().for_each(|&front| parts.join(sides.of_element(i), front));
-        }
-        let mut closed = vec![true; sides.count()];
-        for (i, (seen, _)) in looked.iter().enumerate() {
-            let part = parts.root(sides.of_element(i)) as usize;
-            closed[part] &= seen.iter().all(|seen| seen.backs == 0.0 && seen.sky == 0.0);
-        }
-        // Closed parts are numbered one after the other.
-        let mut numbers: Vec<Option<u32>> = vec![None; sides.count()];
-        let mut count = 0;
-        let parts = (0..elements.len()).map(|i| {
-            let part = parts.root(sides.of_element(i)) as usize;
-            if closed[part] && numbers[part].is_none() {
-                numbers[part] = Some(count);
-                count += 1;
+        let mut looks: Vec<Look> =
+            (0..elements.len()).into_par_iter().map(|i| look(i, rays)).collect();
+        // A gap is found by the rays of all of a part: a part of few elements needs more from each.
+        let parts = closed_parts(&sides, &looks);
+        let mut sizes = vec![0; parts.iter().flatten().max().map_or(0, |&part| part as usize + 1)];
+        parts.iter().flatten().for_each(|&part| sizes[part as usize] += 1);
+        looks.par_iter_mut().enumerate().for_each(|(i, found)| {
+            if let Some(part) = parts[i] {
+                let needed = CLOSED_RAYS.div_ceil(sizes[part as usize]);
+                if needed > rays {
+                    *found = look(i, needed);
+                }
             }
-            numbers[part]
         });
-        let parts = parts.collect();
-        let seen = looked.into_iter().map(|(seen, _)| seen).collect();
+        let parts = closed_parts(&sides, &looks);
+        let seen = looks.into_iter().map(|look| look.seen).collect();
         Self { elements, occluders, sides, seen, parts }
     }
 
@@ -81,6 +76,20 @@ impl<'a> Surroundings<'a> {
             backs: 0.5 * (a.backs + b.backs),
             sky: 0.5 * (a.sky + b.sky),
         }
+    }
+
+    /// What all elements see together, by their areas.
+    pub fn mean(&self) -> Seen {
+        let (mut mean, mut area) = (Seen::default(), 0.0);
+        for (i, element) in self.elements.iter().enumerate() {
+            let (own, seen) = (element.surfel().area, self.seen(i));
+            mean.fronts += own * seen.fronts;
+            mean.backs += own * seen.backs;
+            mean.sky += own * seen.sky;
+            area += own;
+        }
+        let share = |sum: f64| if area > 0.0 { sum / area } else { 0.0 };
+        Seen { fronts: share(mean.fronts), backs: share(mean.backs), sky: share(mean.sky) }
     }
 
     /// What an element sees, by so many rays of its own.
@@ -103,6 +112,36 @@ impl<'a> Surroundings<'a> {
         }
         if area > 0.0 { (square / area).max(0.0).sqrt() } else { 0.0 }
     }
+}
+
+/// What an element sees by two sets of rays, and which fronts.
+struct Look {
+    seen: [Seen; 2],
+    fronts: Vec<u32>,
+}
+
+/// The closed part of each element, numbered one after the other.
+fn closed_parts(sides: &Sides, looks: &[Look]) -> Vec<Option<u32>> {
+    let mut groups = Union::new(sides.count());
+    for (i, look) in looks.iter().enumerate() {
+        look.fronts.iter().for_each(|&front| groups.join(sides.of_element(i), front));
+    }
+    let mut closed = vec![true; sides.count()];
+    for (i, look) in looks.iter().enumerate() {
+        let group = groups.root(sides.of_element(i)) as usize;
+        closed[group] &= look.seen.iter().all(|seen| seen.backs == 0.0 && seen.sky == 0.0);
+    }
+    let mut numbers: Vec<Option<u32>> = vec![None; sides.count()];
+    let mut count = 0;
+    let number = |i: usize| {
+        let group = groups.root(sides.of_element(i)) as usize;
+        if closed[group] && numbers[group].is_none() {
+            numbers[group] = Some(count);
+            count += 1;
+        }
+        numbers[group]
+    };
+    (0..looks.len()).map(number).collect()
 }
 
 /// What an element sees by so many rays of some turn; `front` is told of every side that it sees.
@@ -242,7 +281,6 @@ mod tests {
         assert_eq!(parts, [vec![Some(0); 24], vec![None; 6], vec![Some(0); 6]].concat());
         // A room of which one panel is turned, and one that lacks one.
         let mut turned = furnace(2);
-        turned.elements.remove(3);
         let open = |scene: &Scene| {
             around(scene, |around| around.closed_parts().iter().all(Option::is_none))
         };
@@ -251,6 +289,22 @@ mod tests {
         assert!(open(&turned));
         turned.triangles.retain(|triangle| triangle.face != 2);
         assert!(open(&turned));
+    }
+
+    #[test]
+    fn a_small_gap_is_found_by_many_rays_from_few_elements() {
+        // A lid of the room's size less a hundredth, in six elements that have few rays each.
+        let mut scene = furnace(1);
+        scene.elements.pop();
+        scene.triangles.retain(|triangle| triangle.face != 5);
+        let [x, y] = [DVec3::X, DVec3::Y];
+        scene.add_quad(quad(DVec3::Z, 0.99 * y, x), 1, 1);
+        let occluders = Occluders::new(&scene.triangles).unwrap();
+        let around = Surroundings::new(&scene.elements, &occluders, 4);
+        assert_eq!(around.closed_parts(), [None; 6]);
+        let mean = around.mean();
+        assert!((0.0..0.01).contains(&mean.sky) && mean.backs == 0.0, "{mean:?}");
+        assert!((mean.fronts + mean.sky - 1.0).abs() < 1e-12);
     }
 
     #[test]
