@@ -117,7 +117,8 @@ fn run((elements, folder): (usize, PathBuf)) -> Result<String, Box<dyn Error>> {
         irradiance: solution.irradiance.into_flattened(),
         row_sums,
     };
-    let picture = Picture::of_light(&sight, &fields, walls, Some(&indirect), Picture::SIZE, |_| ())?;
+    let picture =
+        Picture::of_light(&sight, &fields, walls, Some(&indirect), Picture::SIZE, |_| ())?;
 
     let report = serde_json::json!({
         "scene": "cornell", "elements": surfels.len(), "tolerance": TOLERANCE,

@@ -60,8 +60,8 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = threads, allow_negative_numbers = true)]
     pub(crate) threads: usize,
 
-    /// Also writes the form factors to this CSV file, row by row, with what goes to the sky. They need
-    /// nothing that emits
+    /// Also writes the form factors to this CSV file, row by row, with what ends at backs of surfaces, what
+    /// goes to the sky, and what the row then lacks to 1. They need nothing that emits
     #[arg(long, value_name = "FILE")]
     pub(crate) form_factors: Option<PathBuf>,
 

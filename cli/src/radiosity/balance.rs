@@ -18,11 +18,14 @@ pub(crate) struct RowSums {
 }
 
 impl RowSums {
-    /// Those of elements that `closed` says to close a room.
-    pub(crate) fn new(elements: &[Element], sums: &[f64], closed: bool) -> Self {
-        let error = |sum: f64| if closed { sum - 1.0 } else { (sum - 1.0).max(0.0) };
+    /// Those of elements that belong to these closed parts, or to none.
+    pub(crate) fn new(elements: &[Element], sums: &[f64], parts: &[Option<u32>]) -> Self {
+        let error = |(sum, part): (&f64, &Option<u32>)| {
+            if part.is_some() { sum - 1.0 } else { (sum - 1.0).max(0.0) }
+        };
         let areas = || elements.iter().map(|element| element.surfel().area);
-        let squares: f64 = areas().zip(sums).map(|(area, &sum)| area * error(sum).powi(2)).sum();
+        let errors = sums.iter().zip(parts).map(error);
+        let squares: f64 = areas().zip(errors).map(|(area, error)| area * error.powi(2)).sum();
         Self {
             min: sums.iter().copied().fold(f64::INFINITY, f64::min),
             max: sums.iter().copied().fold(f64::NEG_INFINITY, f64::max),
@@ -62,10 +65,10 @@ mod tests {
         };
         let elements = [disk(1.0), disk(3.0)];
         let sums = [0.6, 1.2];
-        let open = RowSums::new(&elements, &sums, false);
+        let open = RowSums::new(&elements, &sums, &[None; 2]);
         assert_eq!((open.min, open.max), (0.6, 1.2));
         assert!((open.rms_error - 0.03f64.sqrt()).abs() < 1e-12);
-        let closed = RowSums::new(&elements, &sums, true);
+        let closed = RowSums::new(&elements, &sums, &[Some(0); 2]);
         assert!((closed.rms_error - 0.07f64.sqrt()).abs() < 1e-12);
     }
 }

@@ -63,7 +63,8 @@ impl Check {
                     *sum += factor * band;
                 }
             }
-            sum.map(|h| operator.scaling(i) * h)
+            let own = operator.own_factor(i);
+            std::array::from_fn(|k| operator.scaling(i) * sum[k] + own * radiosity[i][k])
         };
         let exact: Vec<[f64; BANDS]> = sample.par_iter().zip(&seen).map(sum).collect();
         let sum_s = extrapolated(start);

@@ -2,7 +2,7 @@
 
 use std::io::Write;
 
-use farfield_radiosity::Occluders;
+use farfield_radiosity::{Occluders, Surroundings};
 use farfield_scenes::{Fields, Mesh, Output, OutputError, Picture, Scene, Sight, Table};
 
 use super::args::{Args, QuantityName, VisibilityName};
@@ -15,8 +15,8 @@ use super::solve::Exchange;
 use super::warning::Warning;
 use super::{exr, factors, npy};
 
-/// The least form factor that a table lists, in units of the tolerance.
-const LISTED: f64 = 1e-3;
+/// What a table of form factors may leave out of each row, in units of the tolerance.
+const LISTED: f64 = 1e-2;
 
 /// A solution on one mesh.
 pub(crate) struct Solved {
@@ -45,6 +45,7 @@ impl Solved {
 pub(crate) fn write_factors<const BANDS: usize>(
     args: &Args,
     exchange: &Exchange<'_, BANDS>,
+    around: &Surroundings<'_>,
     interrupt: &Interrupt,
     progress: &Progress,
     output: &mut Output,
@@ -57,7 +58,7 @@ pub(crate) fn write_factors<const BANDS: usize>(
     };
     let mut rows = 0;
     output.write_at(path, |file| {
-        rows = factors::write(file, exchange, LISTED * args.sum_tolerance(), report)?;
+        rows = factors::write(file, exchange, around, LISTED * args.sum_tolerance(), report)?;
         Ok(())
     })?;
     Ok(rows == exchange.surfels.len())

@@ -39,6 +39,11 @@ pub(crate) enum Failure {
          {tolerance:e}; nothing was written"
     )]
     Inaccurate { error: f64, sampled: usize, tolerance: f64 },
+    #[error(
+        "the irradiance at {place:?} comes out as {found:.1e}, of a root mean square of {rms:.1e}: \
+         expected no more below zero than the tolerance; nothing was written"
+    )]
+    Negative { found: f64, place: [f64; 3], rms: f64 },
 }
 
 /// Warnings one after the other.

@@ -1,10 +1,11 @@
 //! What a run on one mesh measured, as its report says it.
 
-use farfield_radiosity::{Closure, PairCounts, Zones};
+use farfield_radiosity::{Closure, PairCounts, Seen, Zones};
 
 use super::args::{Args, VisibilityName};
 use super::balance::RowSums;
 use super::check::Check;
+use super::negative::Negative;
 use super::progress::Progress;
 use super::report::{Pairs, Report};
 use super::warning::Warning;
@@ -16,6 +17,9 @@ pub(crate) struct Figures {
     pub(crate) counts: PairCounts,
     pub(crate) zones: Zones,
     pub(crate) row_sums: RowSums,
+    pub(crate) row_error: f64,
+    pub(crate) seen: Seen,
+    pub(crate) negative: Negative,
     pub(crate) reciprocity_error: f64,
     pub(crate) closure: Closure,
     pub(crate) uncertainty: f64,
@@ -63,6 +67,10 @@ impl Figures {
             near_pairs: self.zones.into(),
             visibility_uncertainty: self.uncertainty,
             row_sum: self.row_sums,
+            form_factor_error: self.row_error,
+            to_backs: self.seen.backs,
+            to_sky: self.seen.sky,
+            negative: self.negative,
             reciprocity_error: self.reciprocity_error,
             closure_correction: self.closure.largest,
             closure_rms: self.closure.rms,

@@ -1,9 +1,7 @@
 //! Elements that exchange light by direct sums, for tests.
 
 use farfield::direct_masked;
-use farfield_radiosity::{
-    Corrections, Enclosure, Irradiance, Occluders, RadiosityOperator, Surfel, Visibility,
-};
+use farfield_radiosity::{Enclosure, Irradiance, Occluders, RadiosityOperator, Surfel, Visibility};
 use farfield_scenes::{Mesh, Scene, generate};
 
 use super::solve::Exchange;
@@ -19,9 +17,9 @@ pub(crate) fn exchanging<const BANDS: usize>(
     let scene = generate(scene).expect("a scene");
     let mesh = Mesh::new(&scene, elements).expect("a mesh");
     let occluders = Occluders::new(&mesh.triangles).expect("finite");
-    let visibility = Visibility::new(&occluders);
+    let visibility = Visibility::of_elements(&occluders, &mesh.elements);
     let surfels: Vec<Surfel> = mesh.elements.iter().map(|e| *e.surfel()).collect();
-    let corrections = Corrections::new(&mesh.elements, &occluders, 1e-2).expect("finite");
+    let corrections = visibility.corrections(&mesh.elements, 1e-2).expect("finite");
     let kernel = Irradiance::<f64, [f64; BANDS]>::clamped();
     let sum = |b: &[[f64; BANDS]]| direct_masked(&kernel, &visibility, &surfels, b, &surfels);
     let mut operator = RadiosityOperator::new(&mesh.elements, sum, corrections).expect("one each");

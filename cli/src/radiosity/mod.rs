@@ -18,6 +18,7 @@ mod figures;
 mod fixture;
 mod gather;
 mod interrupt;
+mod negative;
 mod npy;
 mod progress;
 mod report;
@@ -63,7 +64,7 @@ fn run(args: &Args) -> Result<Report, Failure> {
     let interrupt = Interrupt::by_ctrl_c()?;
     let output = Output::new(&args.out)?;
     rayon::ThreadPoolBuilder::new().num_threads(args.threads).build_global()?;
-    let scene = load(&args.scene)?;
+    let scene = load(&args.scene)?.cut_where_surfaces_meet();
     let bands = bands(args, &scene)?;
     // Bands of a scene go through the sum three at a time.
     if bands == 1 {

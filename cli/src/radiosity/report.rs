@@ -9,6 +9,7 @@ use serde::Serialize;
 
 use super::args::{ExpansionName, QuantityName, SchemeName, SolverName, VisibilityName};
 use super::balance::RowSums;
+use super::negative::Negative;
 use super::warning::Warning;
 
 /// The figures of one run: the contents of report.json.
@@ -52,6 +53,15 @@ pub(crate) struct Report {
     pub(crate) visibility_uncertainty: f64,
     /// Sums of form factors before closure.
     pub(crate) row_sum: RowSums,
+    /// How far the rows of form factors are off before closure, in the root mean square over the area, by
+    /// rays that know nothing of form factors. It needs no light.
+    pub(crate) form_factor_error: f64,
+    /// The share of the light of all surfaces, were they equally bright, that ends at backs, by rays.
+    pub(crate) to_backs: f64,
+    /// And that leaves the scene.
+    pub(crate) to_sky: f64,
+    /// Irradiances that came out below zero.
+    pub(crate) negative: Negative,
     /// How far the exchange is from A_i F_ij = A_j F_ji.
     pub(crate) reciprocity_error: f64,
     /// The largest relative change that closure made to a form factor.
@@ -164,6 +174,15 @@ impl fmt::Display for Report {
             line("visibility known to", format!("{:.1e}", self.visibility_uncertainty))?;
         }
         line("row sums", format!("{min:.4} to {max:.4}, off by {rms_error:.1e}"))?;
+        line("form factors off by", format!("{:.1e}, by rays", self.form_factor_error))?;
+        line("light to the sky", percent(self.to_sky))?;
+        line("light to backs", percent(self.to_backs))?;
+        let Negative { count, largest } = self.negative;
+        if count > 0 {
+            let what =
+                format!("{count} irradiances, by {largest:.1e} of the mean at most: set to 0");
+            line("below zero", what)?;
+        }
         line("closed by", format!("{:.1e} at most", self.closure_correction))?;
         line("reciprocal to", format!("{:.1e}", self.reciprocity_error))?;
         line("plan", format!("{:.2} s", self.plan_s))?;

@@ -4,7 +4,7 @@ use std::cell::Cell;
 use std::io::{self, Write};
 
 use farfield_radiosity::{
-    Closure, Corrections, Enclosure, Error, Occluders, RadiosityOperator, Surfel, Visibility,
+    Closure, Error, Occluders, RadiosityOperator, Surfel, Surroundings, Visibility,
 };
 use farfield_scenes::{
     Cuts, Fields, Mesh, Optics, Output, Refinement, Scene, Sight, direct_light_by_pixel, even_cuts,
@@ -18,6 +18,7 @@ use super::failure::Failure;
 use super::figures::Figures;
 use super::gather::{Ending, Gather, Method};
 use super::interrupt::Interrupt;
+use super::negative::Negative;
 use super::progress::Progress;
 use super::report::{Pairs, Report};
 use super::solve::Exchange;
@@ -27,6 +28,10 @@ use super::warning::Warning;
 const SAMPLES: usize = 1000;
 /// The most that a form factor may have to change for a row to sum to 1.
 const MOST_CLOSURE: f64 = 0.5;
+/// Rays in all that tell where the light of elements goes, and from each element at least and at most.
+const ALL_RAYS: usize = 1 << 18;
+const LEAST_RAYS: usize = 4;
+const MOST_RAYS: usize = 512;
 /// Elements of the first mesh beyond one per surface where the tolerance decides; meshes at most.
 const FIRST_ELEMENTS: usize = 2000;
 const MOST_MESHES: usize = 6;
@@ -160,7 +165,7 @@ impl Run<'_> {
         let nothing = Occluders::new(&[])?;
         let shadows =
             if args.visibility == VisibilityName::None { &nothing } else { sight.occluders() };
-        let mut visibility = Visibility::new(shadows);
+        let mut visibility = Visibility::of_elements(shadows, elements);
         if args.visibility == VisibilityName::Fractional {
             let optics = Optics::<1>::new(scene, mesh, args.quantity.into(), 1, 0);
             // Where nothing emits, form factors are all that counts, and all alike.
@@ -182,7 +187,7 @@ impl Run<'_> {
         let counts = visibility.counts();
         let pairs = Pairs::new(gather.stats(), &counts);
         let bar = progress.spinner("near pairs");
-        let corrections = Corrections::new(elements, shadows, tolerance)?;
+        let corrections = visibility.corrections(elements, tolerance)?;
         let zones = corrections.zones();
         drop(bar);
         if let Some((mesh, solved)) = self.ended(kept) {
@@ -192,12 +197,18 @@ impl Run<'_> {
         let bar = progress.spinner("closing");
         let mut operator = RadiosityOperator::new(elements, |b| gather.apply(b), corrections)?;
         let row_sums = operator.row_sums()?;
-        let enclosure = if scene.closed { Enclosure::Closed } else { Enclosure::Open };
+        let rays = (ALL_RAYS / elements.len().max(1)).clamp(LEAST_RAYS, MOST_RAYS);
+        let around = Surroundings::new(elements, sight.occluders(), rays);
+        let parts =
+            if scene.closed { around.closed_parts().to_vec() } else { vec![None; elements.len()] };
+        let row_error = around.row_error(&row_sums);
         // Light that passes through everything closes nothing.
         let closure = if args.visibility == VisibilityName::None {
             Closure::default()
         } else {
-            operator.close(enclosure, MOST_CLOSURE).map_err(|error| self.not_closable(error))?
+            operator
+                .close_parts(parts.clone(), MOST_CLOSURE)
+                .map_err(|error| self.not_closable(error))?
         };
         let closed_sums = operator.row_sums()?;
         let reciprocity_error = operator.reciprocity_error()?;
@@ -205,7 +216,7 @@ impl Run<'_> {
         let warnings =
             Warning::of_exchange(scene, mesh, &sight, &row_sums, |k| operator.scaling(k));
 
-        let pairwise = Visibility::new(shadows);
+        let pairwise = Visibility::of_elements(shadows, elements);
         let exchange = Exchange { surfels: &surfels, operator: &operator, visibility: &pairwise };
         let count = elements.len();
         let zeros = || vec![0.0; count * bands];
@@ -227,13 +238,18 @@ impl Run<'_> {
             check.get_or_insert(found);
             Ok::<_, Error>(())
         };
+        let mut negative = Negative::default();
         interrupt.hold(true);
         if is_dark {
             checked(&vec![[1.0; BANDS]; count])?;
         }
         for first in (0..if is_dark { 0 } else { bands }).step_by(BANDS) {
             let optics = Optics::<BANDS>::new(scene, mesh, args.quantity.into(), bands, first);
-            let solution = exchange.solve(&optics, args.solver, tolerance, progress, interrupt)?;
+            let mut solution =
+                exchange.solve(&optics, args.solver, tolerance, progress, interrupt)?;
+            if !solution.interrupted {
+                negative.take(&mut solution.irradiance, &surfels, tolerance)?;
+            }
             iterations += solution.iterations;
             interrupted |= solution.interrupted;
             residual = residual.max(solution.residual);
@@ -295,7 +311,10 @@ impl Run<'_> {
             pairs,
             counts,
             zones,
-            row_sums: RowSums::new(elements, &row_sums, scene.closed),
+            row_sums: RowSums::new(elements, &row_sums, &parts),
+            row_error,
+            seen: around.mean(),
+            negative,
             reciprocity_error,
             closure,
             uncertainty: visibility.uncertainty(area),
@@ -318,7 +337,7 @@ impl Run<'_> {
         }
         strict(args, &solved.warnings)?;
         if !interrupted {
-            let whole = write_factors(args, &exchange, interrupt, progress, output)?;
+            let whole = write_factors(args, &exchange, &around, interrupt, progress, output)?;
             solved.figures.interrupted = !whole;
         }
         Ok(Outcome::Done(solved))

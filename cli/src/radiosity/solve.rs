@@ -1,10 +1,11 @@
 //! The radiosities that satisfy B = E + ρH(B).
 
 use std::convert::Infallible;
+use std::ops::ControlFlow;
 
 use farfield::Mask;
 use farfield_radiosity::{
-    Error, Irradiance, RadiosityOperator, Solution, Stop, Surfel, Visibility, bicgstab,
+    Balance, Error, Irradiance, RadiosityOperator, Solution, Stop, Surfel, Visibility, bicgstab,
     conjugate_gradients, jacobi, southwell,
 };
 use rayon::prelude::*;
@@ -48,21 +49,68 @@ impl<const BANDS: usize> Exchange<'_, BANDS> {
             bar.show(residual.ln() / tolerance.ln());
             interrupt.flow()
         };
-        let Optics { emission, reflectance, .. } = optics;
-        let shots = if solver == SolverName::Southwell { self.surfels.len() } else { 1 };
-        let stop = Stop { tolerance, max_iterations: MAX_BOUNCES * shots };
-        let apply = |b: &[[f64; BANDS]]| self.operator.apply(b);
-        match solver {
+        let balance = self.operator.balance(&optics.emission, &optics.reflectance)?;
+        let (emission, reflectance) = (balance.emission(), &optics.reflectance[..]);
+        let stop = Stop { tolerance, max_iterations: MAX_BOUNCES };
+        let apply = |b: &[[f64; BANDS]]| balance.apply(b);
+        let mut solution = match solver {
             SolverName::Cg => {
                 conjugate_gradients(self.surfels, emission, reflectance, stop, apply, report)
             }
             SolverName::Jacobi => jacobi(emission, reflectance, stop, apply, report),
             SolverName::Bicgstab => bicgstab(emission, reflectance, stop, apply, report),
             SolverName::Southwell => {
-                let column = |i: usize| Ok::<_, Infallible>(self.column(i));
-                southwell(self.surfels, emission, reflectance, stop, column, report)
+                self.shoot(&balance, reflectance, stop, |residual| report(0, residual))
             }
+        }?;
+        if balance.is_changed() {
+            solution.irradiance = self.operator.apply(&solution.radiosity)?;
         }
+        Ok(solution)
+    }
+
+    /// Southwell's relaxation: all bands at once where they share their factors, else one after the other.
+    fn shoot(
+        &self,
+        balance: &Balance<'_, '_, BANDS>,
+        reflectance: &[[f64; BANDS]],
+        stop: Stop,
+        report: impl Fn(f64) -> ControlFlow<()>,
+    ) -> Result<Solution<f64, BANDS>, Error> {
+        let (count, emission) = (self.surfels.len(), balance.emission());
+        let stop = Stop { max_iterations: MAX_BOUNCES * count, ..stop };
+        let progress = |_, residual| report(residual);
+        if !balance.is_changed() {
+            let column = |i: usize| Ok::<_, Infallible>(self.column(i));
+            return southwell(self.surfels, emission, reflectance, stop, column, progress);
+        }
+        let zeros = || vec![[0.0; BANDS]; count];
+        let mut all = Solution {
+            radiosity: zeros(),
+            irradiance: zeros(),
+            iterations: 0,
+            residual: 0.0,
+            interrupted: false,
+        };
+        for band in 0..BANDS {
+            let of = |rows: &[[f64; BANDS]]| rows.iter().map(|row| [row[band]]).collect::<Vec<_>>();
+            let column = |i: usize| {
+                let mut column = self.column(i);
+                for (j, value) in column.iter_mut().enumerate() {
+                    *value += balance.change(j, i, band);
+                }
+                Ok::<_, Infallible>(column)
+            };
+            let (emission, reflectance) = (of(emission), of(reflectance));
+            let one = southwell(self.surfels, &emission, &reflectance, stop, column, progress)?;
+            for (row, [b]) in all.radiosity.iter_mut().zip(one.radiosity) {
+                row[band] = b;
+            }
+            all.iterations += one.iterations;
+            all.residual = all.residual.max(one.residual);
+            all.interrupted |= one.interrupted;
+        }
+        Ok(all)
     }
 
     /// The irradiance of every element per unit radiosity of element i.
@@ -81,6 +129,7 @@ impl<const BANDS: usize> Exchange<'_, BANDS> {
         for (j, value) in column.iter_mut().enumerate() {
             *value *= scale * self.operator.scaling(j);
         }
+        column[i] += self.operator.own_factor(i);
         column
     }
 }

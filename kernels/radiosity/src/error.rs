@@ -38,10 +38,8 @@ pub enum Error {
         /// What they must be or have.
         expected: &'static str,
     },
-    /// A reflectance outside the half-open interval [0, 1).
-    #[error(
-        "surfel {index} has the reflectance {found} in band {band}: expected 0 or more, and less than 1"
-    )]
+    /// A reflectance outside the interval [0, 1].
+    #[error("surfel {index} has the reflectance {found} in band {band}: expected 0 to 1")]
     InvalidReflectance {
         /// Index of the surfel.
         index: usize,
@@ -91,6 +89,27 @@ pub enum Error {
         change: f64,
         /// The largest change allowed.
         limit: f64,
+    },
+    /// Rows of a closed part that no scaling makes sum to 1.
+    #[error(
+        "the form factors of element {index} still sum to {row_sum:.4} when those of all others are \
+         closed as well as they can be: expected 1; elements are missing, turned the wrong way or too \
+         coarse"
+    )]
+    NotClosed {
+        /// Index of the element.
+        index: usize,
+        /// What its row sums to.
+        row_sum: f64,
+    },
+    /// A closed part that is lit and absorbs nothing: no radiosity is its solution.
+    #[error(
+        "surfaces that close a room are lit in band {band}, and none of them absorbs anything: expected \
+         one of a reflectance below 1"
+    )]
+    NothingAbsorbs {
+        /// Index of the band.
+        band: usize,
     },
     /// A tolerance that is no share of anything.
     #[error("the tolerance {found}: expected a number between 0 and 1, both excluded")]

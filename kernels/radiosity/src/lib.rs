@@ -30,6 +30,7 @@ mod error;
 mod numbers;
 mod elements;
 mod occlusion;
+mod surroundings;
 mod form_factors;
 mod expansion;
 mod masks;
@@ -45,8 +46,9 @@ pub use expansion::{Irradiance, SixteenMoment};
 pub use form_factors::{Corrections, Zones, exchange_area};
 pub use masks::{Facing, PairCounts, Visibility};
 pub use occlusion::{Hit, Occluders};
-pub use operator::{Closure, Enclosure, RadiosityOperator};
+pub use operator::{Balance, Closure, Enclosure, RadiosityOperator};
 pub use solvers::{
     EnergyBalance, Report, Solution, Stop, bicgstab, conjugate_gradients, energy_balance, jacobi,
     southwell,
 };
+pub use surroundings::{Seen, Surroundings};

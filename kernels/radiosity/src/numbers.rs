@@ -35,3 +35,21 @@ pub(crate) fn mixed(n: u64) -> u64 {
     let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
     z ^ (z >> 31)
 }
+
+/// The steps of a sequence that fills the unit cube of four dimensions evenly: powers of the root of
+/// x⁵ = x + 1 (Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018).
+const STEPS: [f64; 4] = [
+    0.856_674_883_854_502_9,
+    0.733_891_856_627_126,
+    0.628_706_721_037_808_7,
+    0.538_597_257_223_610_1,
+];
+
+/// Point `n` of a sequence that fills the unit cube of four dimensions evenly; another one for each `turn`.
+pub(crate) fn in_cube(n: usize, turn: u64) -> [f64; 4] {
+    std::array::from_fn(|k| {
+        let start =
+            (mixed(turn.wrapping_mul(4).wrapping_add(k as u64)) >> 11) as f64 / (1u64 << 53) as f64;
+        (start + n as f64 * STEPS[k]).fract()
+    })
+}

@@ -1,5 +1,6 @@
 //! Scenes cut into elements, what these are made of, and how small a tolerance asks them to be.
 
+pub(crate) mod contacts;
 pub(crate) mod fields;
 pub(crate) mod mesh;
 pub(crate) mod optics;

@@ -242,7 +242,10 @@ mod descriptions {
             (&format!("generator = \"cornell\"\n{quad}"), "materials [white, red, green, lamp]"),
             (&format!("generator = \"cornell\"\n{wall}"), "2 bands of reflectance: expected 3"),
             (&format!("{wall}emission = [1]"), "1 bands of emission: expected 2"),
-            (&format!("{quad}{}", wall.replace("0.5]", "1.0]")), "`wall` has the reflectance 1 in"),
+            (
+                &format!("{quad}{}", wall.replace("0.5]", "1.5]")),
+                "`wall` has the reflectance 1.5 in",
+            ),
             (&format!("{quad}{wall}temperature = -3"), "the temperature -3 K"),
             (&format!("{quad}{wall}emission = [0, nan]"), "the emission NaN in band 1"),
             (&format!("{}{wall}", quad.replace("[1, 1, 0]", "[1, 1, 9]")), "surface 0: "),

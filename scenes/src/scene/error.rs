@@ -76,11 +76,8 @@ pub enum SceneError {
     /// A scene without anything in it.
     #[error("the scene has neither surfaces nor points: expected at least one of them")]
     Empty,
-    /// A reflectance outside the half-open interval [0, 1).
-    #[error(
-        "material `{material}` has the reflectance {found} in band {band}: expected 0 or more, and \
-         less than 1"
-    )]
+    /// A reflectance outside the interval [0, 1].
+    #[error("material `{material}` has the reflectance {found} in band {band}: expected 0 to 1")]
     Reflectance {
         /// Name of the material.
         material: String,

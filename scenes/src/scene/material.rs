@@ -10,7 +10,7 @@ pub(crate) const RGB_BANDS: usize = 3;
 pub struct Material {
     /// Its name, for messages.
     pub name: String,
-    /// Diffuse reflectance ρ, in [0, 1).
+    /// Diffuse reflectance ρ, in [0, 1]; 1 is that of an adiabatic wall, which gives back all it receives.
     pub reflectance: Vec<f64>,
     /// Emitted exitance E \[W/m²\].
     pub emission: Vec<f64>,
@@ -52,7 +52,7 @@ impl Material {
             }
         }
         // Written so that NaN is refused as well.
-        let bad_reflectance = |rho: &f64| !(0.0..1.0).contains(rho);
+        let bad_reflectance = |rho: &f64| !(0.0..=1.0).contains(rho);
         if let Some(band) = self.reflectance.iter().position(bad_reflectance) {
             let found = self.reflectance[band];
             return Err(SceneError::Reflectance { material: material(), band, found });

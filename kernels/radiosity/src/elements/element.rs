@@ -38,6 +38,16 @@ impl Element {
         self.patch.as_ref()
     }
 
+    /// A point of it for each point of the unit square, evenly over its area.
+    pub(crate) fn point_at(&self, [u, v]: [f64; 2]) -> DVec3 {
+        let Some(patch) = &self.patch else {
+            let (x, y) = self.surfel.normal.any_orthonormal_pair();
+            let (sin, cos) = (std::f64::consts::TAU * v).sin_cos();
+            return self.surfel.position + (x * cos + y * sin) * (self.radius() * u.sqrt());
+        };
+        patch.point_at([u, v])
+    }
+
     /// The radius of the smallest sphere around its centroid that contains it, in scene units.
     pub fn radius(&self) -> f64 {
         match &self.patch {

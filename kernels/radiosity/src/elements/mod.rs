@@ -11,5 +11,6 @@ pub use patch::Patch;
 pub use scene::{
     Scene, furnace, quad_pieces, quad_surfels, quad_triangles, sphere_interior, two_rooms,
 };
+pub(crate) use surfel::{CLOSEST, closest};
 pub use surfel::{Projections, Surfel, check_emission, check_reflectance, check_surfels};
 pub use triangle::Triangle;

@@ -89,6 +89,24 @@ impl Patch {
         self.area
     }
 
+    /// A point of it for each point of the unit square, such that equal areas of the square go to equal areas
+    /// of the patch.
+    pub(crate) fn point_at(&self, [u, v]: [f64; 2]) -> DVec3 {
+        let [a, b, c, d] = self.corners;
+        if self.count == 4 && (a - b + c - d).length_squared() <= FLATNESS * self.area {
+            return a + (b - a) * u + (d - a) * v;
+        }
+        // Its triangles side by side, each of which has one corner as an edge of the square.
+        let share = 0.5 * self.normal.dot((b - a).cross(c - a)) / self.area;
+        let (u, [b, c]) = if u < share || self.count == 3 {
+            (u / share, [b, c])
+        } else {
+            ((u - share) / (1.0 - share), [c, d])
+        };
+        let along = u.clamp(0.0, 1.0).sqrt();
+        a + (b - a).lerp(c - a, v) * along
+    }
+
     /// Its centre of area.
     pub fn centroid(&self) -> DVec3 {
         let [a, b, c, d] = self.corners;
@@ -109,6 +127,35 @@ mod tests {
     const X: DVec3 = DVec3::X;
     const Y: DVec3 = DVec3::Y;
     const Z: DVec3 = DVec3::Z;
+
+    #[test]
+    fn points_of_the_square_fill_a_patch_evenly() {
+        let shapes: [&[DVec3]; 3] = [
+            &[DVec3::ZERO, X, 0.2 * X + Y],
+            &[DVec3::ZERO, X, 1.4 * X + Y, 0.4 * X + Y],
+            &[DVec3::ZERO, 1.5 * X, X + 0.8 * Y, Y],
+        ];
+        for corners in shapes {
+            let patch = Patch::new(corners).unwrap();
+            // So that no strip is part of two triangles.
+            let n = 220;
+            let at = |k: usize| [k % n, k / n].map(|k| (k as f64 + 0.5) / n as f64);
+            let points: Vec<DVec3> = (0..n * n).map(|k| patch.point_at(at(k))).collect();
+            let mean = points.iter().sum::<DVec3>() / (n * n) as f64;
+            assert!(mean.distance(patch.centroid()) < 1e-4, "{mean}");
+            let squares = points.iter().map(|p| p.length_squared()).sum::<f64>() / (n * n) as f64;
+            // The second moment of a triangle is that of the middles of its edges.
+            let [a, b, c, d] = patch.corners;
+            let moment = |[p, q, r]: [DVec3; 3]| {
+                let middles = [p + q, q + r, r + p].map(|sum| 0.25 * sum.length_squared());
+                let area = 0.5 * (q - p).cross(r - p).length();
+                (middles.iter().sum::<f64>() / 3.0 * area, area)
+            };
+            let parts = [moment([a, b, c]), moment([a, c, d])];
+            let exact = (parts[0].0 + parts[1].0) / (parts[0].1 + parts[1].1);
+            assert!((squares / exact - 1.0).abs() < 1e-3, "{squares} {exact}");
+        }
+    }
 
     #[test]
     fn corners_that_are_no_patch_are_refused() {

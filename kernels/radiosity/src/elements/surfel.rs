@@ -52,7 +52,13 @@ pub struct Projections<T> {
     pub source: T,
     /// r² = |x − y|².
     pub distance_squared: T,
+    /// The larger of the two areas.
+    pub area: T,
 }
+
+/// Surfels closer than this, r²/A, are no points to each other: the kernel is larger there than any sum of
+/// it could be rounded for, and says nothing about what the two exchange.
+pub(crate) const CLOSEST: f64 = 1e-3;
 
 impl<T: Real> Projections<T> {
     /// Those of receiver `x` and source `y`. Swapping the two swaps the projections, bit for bit.
@@ -63,16 +69,25 @@ impl<T: Real> Projections<T> {
             receiver: -x.normal.dot(d),
             source: y.normal.dot(d),
             distance_squared: d.length_squared(),
+            area: x.area.max(y.area),
         }
     }
 
-    /// Whether the two face each other: cos θ_x > √ε and cos θ_y > √ε, ε the unit round-off.
+    /// Whether the two face each other as points: cos θ_x > √ε and cos θ_y > √ε, ε the unit round-off, and
+    /// r² > A/1000, A the larger area.
     ///
-    /// The threshold lies far above the rounding of positions and normals, so that surfels of one
-    /// plane never see each other by accident, and far below any cosine that matters. Coincident
-    /// points don't face each other.
+    /// The first threshold lies far above the rounding of positions and normals, so that surfels of one
+    /// plane never see each other by accident, and far below any cosine that matters. The second keeps out
+    /// what coincides, such as the two sides of one sheet. What two surfels exchange that are so close and
+    /// look at each other all the same is left to [`Corrections`](crate::Corrections).
     #[inline(always)]
     pub fn facing(&self) -> bool {
+        self.distance_squared > T::from_f64(CLOSEST) * self.area && self.in_front()
+    }
+
+    /// Whether they face each other, however close they are.
+    #[inline(always)]
+    pub(crate) fn in_front(&self) -> bool {
         let zero = T::from_f64(0.0);
         let threshold = T::epsilon() * self.distance_squared;
         self.receiver > zero
@@ -88,6 +103,12 @@ impl<T: Real> Projections<T> {
         // One division by r² per factor: r⁴ itself would underflow for small scenes.
         (self.receiver / r2) * (self.source / r2) * T::FRAC_1_PI()
     }
+}
+
+/// How far apart surfels of these areas are at least, to [face](Projections::facing) each other.
+pub(crate) fn closest<T: Real>(surfels: &[Surfel<T>]) -> T {
+    let largest = surfels.iter().fold(T::from_f64(0.0), |most, surfel| most.max(surfel.area));
+    (T::from_f64(CLOSEST) * largest).sqrt()
 }
 
 /// Checks that positions are finite, normals unit vectors and areas positive.
@@ -116,14 +137,15 @@ pub fn check_surfels<T: Real>(surfels: &[Surfel<T>]) -> Result<(), Error> {
     Ok(())
 }
 
-/// Checks that every reflectance lies in [0, 1), band by band.
+/// Checks that every reflectance lies in [0, 1], band by band. 1 is that of a surface that gives back all it
+/// receives, an adiabatic one: where all are such, there may be no solution.
 ///
 /// # Errors
 /// [`Error::InvalidReflectance`] for the first that doesn't.
 pub fn check_reflectance<T: Real, const BANDS: usize>(
     reflectance: &[[T; BANDS]],
 ) -> Result<(), Error> {
-    match first_band(reflectance, |rho| (0.0..1.0).contains(&rho)) {
+    match first_band(reflectance, |rho| (0.0..=1.0).contains(&rho)) {
         Some((index, band, found)) => Err(Error::InvalidReflectance { index, band, found }),
         None => Ok(()),
     }
@@ -195,6 +217,21 @@ mod tests {
     }
 
     #[test]
+    fn the_two_sides_of_one_place_do_not_face_each_other() {
+        // Centroids that rounding has set apart by less than the surfels are large.
+        let x = surfel(DVec3::ZERO, DVec3::Z);
+        for gap in [1e-17, 1e-9, 0.03] {
+            let y = surfel(DVec3::Z * gap, DVec3::NEG_Z);
+            let pair = Projections::new(&x, &y);
+            assert!(pair.in_front() && !pair.facing(), "{gap}");
+            // Of a surfel that is small enough they are points.
+            let [x, y] = [x, y].map(|s| Surfel { area: gap * gap, ..s });
+            assert!(Projections::new(&x, &y).facing(), "{gap}");
+        }
+        assert_eq!(closest(&[x, Surfel { area: 0.1, ..x }]), 1e-3f64.sqrt());
+    }
+
+    #[test]
     fn checks_name_the_surfel_and_the_band() {
         let good = surfel(DVec3::ZERO, DVec3::X);
         assert_eq!(check_surfels(&[good]), Ok(()));
@@ -210,8 +247,8 @@ mod tests {
         let nowhere = surfel(DVec3::NAN, DVec3::X);
         assert!(matches!(check_surfels(&[nowhere]), Err(Error::InvalidPosition { index: 0, .. })));
 
-        let reflectance = [[0.0, 0.5], [0.3, 1.0]];
-        let error = Error::InvalidReflectance { index: 1, band: 1, found: 1.0 };
+        let reflectance = [[0.0, 1.0], [0.3, 1.01]];
+        let error = Error::InvalidReflectance { index: 1, band: 1, found: 1.01 };
         assert_eq!(check_reflectance(&reflectance), Err(error));
         let error = Error::InvalidEmission { index: 0, band: 1, found: -1.0 };
         assert_eq!(check_emission(&[[0.0, -1.0]]), Err(error));

@@ -15,7 +15,7 @@ use crate::expansion::near_field::{Block, Pairs};
 /// with r cos θ_y = n_y·(x − y), r cos θ_x = n_x·(y − x), r = |x − y|.
 ///
 /// The [`clamped`](Self::clamped) kernel is the physical one: zero unless the two
-/// [face each other](Projections::facing). It isn't smooth where a cosine changes sign, so a fast sum
+/// [face each other](Projections::facing), however close they are. It isn't smooth where a cosine changes sign, so a fast sum
 /// needs the mask [`Facing`](crate::Facing) or [`Visibility`](crate::Visibility), which let
 /// expansions act only where the two kernels agree. The [`signed`](Self::signed) kernel is smooth
 /// and needs none, but in its sums the back of a surface takes away what its front gives.
@@ -49,7 +49,7 @@ impl<T: Real, C> Irradiance<T, C> {
     pub fn factor(&self, x: &Surfel<T>, y: &Surfel<T>) -> T {
         let pair = Projections::new(x, y);
         let zero = T::from_f64(0.0);
-        let counts = if self.clamped { pair.facing() } else { pair.distance_squared > zero };
+        let counts = if self.clamped { pair.in_front() } else { pair.distance_squared > zero };
         if counts { pair.kernel() } else { zero }
     }
 }

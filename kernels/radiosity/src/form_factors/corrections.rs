@@ -4,16 +4,18 @@ use rayon::prelude::*;
 
 use crate::elements::{Element, Surfel, check_surfels};
 use crate::error::Error;
-use crate::form_factors::exchange::{Pair, Zone};
+use crate::form_factors::exchange::{Pair, Zone, kappa};
 use crate::form_factors::neighbours::Neighbours;
-use crate::occlusion::Occluders;
+use crate::occlusion::{Occluders, Sights};
 
-/// The differences C_ij = V_ij (A_i F_ij − A_i K_ij A_j) for the pairs that are so close that a sum over
+/// The differences C_ij = S_ij A_i F_ij − V_ij A_i K_ij A_j for the pairs that are so close that a sum over
 /// centroids would be off by more than the tolerance.
 ///
-/// F is the form factor of the whole areas, K the kernel of [`Irradiance`](crate::Irradiance) between
-/// centroids, and V is 1 if the centroids see each other, else 0. C is symmetric, bit for bit, so an
-/// exchange stays as reciprocal as the sum that C corrects.
+/// F is the form factor of the whole areas, S the share of it that is unhidden, K the kernel of
+/// [`Irradiance`](crate::Irradiance) between centroids, and V what the mask of the sum says: for points,
+/// V = S is 1 if the centroids see each other, else 0. What sum and correction come to is S F, which is
+/// neither negative nor more than 1. C is symmetric, bit for bit, so an exchange stays as reciprocal as the
+/// sum that C corrects.
 ///
 /// The distance of two patches decides how their form factor is computed. From far to near it is left to
 /// the sum over centroids, computed by Gauss's rules with 2 × 2 or with 3 × 3 points on both, or computed
@@ -48,8 +50,10 @@ pub struct Zones {
 }
 
 impl Corrections {
-    /// The corrections for a sum over the centroids of `elements`. `tolerance` is the relative error that
-    /// irradiances may have, from all pairs together.
+    /// The corrections for a sum over the centroids of `elements` that is masked by
+    /// [`Visibility::new`](crate::Visibility::new); [`Visibility::corrections`](crate::Visibility::corrections)
+    /// are those for others. `tolerance` is the relative error that irradiances may have,
+    /// from all pairs together.
     ///
     /// For elements of similar size this takes O(N / tolerance) time and memory: each has O(1 / tolerance)
     /// elements near it.
@@ -57,12 +61,21 @@ impl Corrections {
     /// # Errors
     /// Those of [`check_surfels`]; [`Error::InvalidTolerance`] unless the tolerance lies between 0 and 1.
     pub fn new(elements: &[Element], occluders: &Occluders, tolerance: f64) -> Result<Self, Error> {
+        Self::with(elements, &Sights::of_points(occluders), tolerance)
+    }
+
+    /// The same where the sum goes by these sights.
+    pub(crate) fn with(
+        elements: &[Element],
+        sights: &Sights<'_>,
+        tolerance: f64,
+    ) -> Result<Self, Error> {
         if !(tolerance > 0.0 && tolerance < 1.0) {
             return Err(Error::InvalidTolerance { found: tolerance });
         }
         let surfels: Vec<Surfel> = elements.iter().map(|element| *element.surfel()).collect();
         check_surfels(&surfels)?;
-        let zones = Pair::new(elements, occluders, tolerance);
+        let zones = Pair::new(elements, sights, tolerance);
         let largest = surfels.iter().map(|surfel| surfel.area).fold(0.0, f64::max);
         let neighbours = Neighbours::new(elements);
         // From both ends of a pair the same: rows are found by themselves and in parallel, each pair
@@ -70,7 +83,7 @@ impl Corrections {
         let row = |i: usize| {
             let mut row = Vec::new();
             let (centre, radius) = (elements[i].surfel().position, elements[i].radius());
-            neighbours.for_each(centre, radius, zones.kappa(), |j| {
+            neighbours.for_each(centre, radius, kappa(tolerance), |j| {
                 if j > i
                     && let Some((value, zone)) = zones.correction(i, j)
                 {

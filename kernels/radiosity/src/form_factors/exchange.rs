@@ -5,7 +5,7 @@ use std::f64::consts::FRAC_1_PI;
 use crate::elements::{Element, Patch, Projections, Surfel};
 use crate::form_factors::contour::Care;
 use crate::form_factors::quadrature::{Rule, exchange};
-use crate::occlusion::Occluders;
+use crate::occlusion::Sights;
 
 /// With x = (r_1² + r_2²)/d², r the radii and d the distance, the relative errors of a pair are at most
 /// about x/2 by centroids, x²/2 with two points per edge and x³ with three; with disks A/(πr²).
@@ -20,6 +20,10 @@ const PAIR_SHARE: f64 = 4.0;
 /// The share of the tolerance that all that is left out of a row may add up to: a row has some
 /// 1/tolerance entries.
 const NEGLIGIBLE: f64 = 0.02;
+
+/// Patches that rise above each other's planes by no more of their size, and sink below them too, are of
+/// one plane: as flat as a [`Patch`] has to be.
+const COPLANAR: f64 = 1e-6;
 
 /// Of the squared tolerance, what contour integrals may be off by, in units of the squared distance or
 /// edge: less than the least form factor that counts.
@@ -44,48 +48,60 @@ pub(crate) enum Zone {
     Disk,
 }
 
+/// Pairs with x < 1/κ need no correction for this tolerance.
+pub(crate) fn kappa(tolerance: f64) -> f64 {
+    CENTROID_ERROR / (PAIR_SHARE * tolerance)
+}
+
 /// Pairs of elements that are near each other.
 pub(crate) struct Pair<'a> {
     elements: &'a [Element],
-    occluders: &'a Occluders,
+    sights: &'a Sights<'a>,
     tolerance: f64,
     care: Care,
 }
 
 impl<'a> Pair<'a> {
     /// Those of which the sum may be off by `tolerance`.
-    pub(crate) fn new(elements: &'a [Element], occluders: &'a Occluders, tolerance: f64) -> Self {
+    pub(crate) fn new(elements: &'a [Element], sights: &'a Sights<'a>, tolerance: f64) -> Self {
         let care = Care::within(CONTOUR_ERROR * tolerance.powi(2));
-        Self { elements, occluders, tolerance: PAIR_SHARE * tolerance, care }
-    }
-
-    /// Pairs with x < 1/κ need no correction.
-    pub(crate) fn kappa(&self) -> f64 {
-        CENTROID_ERROR / self.tolerance
+        Self { elements, sights, tolerance: PAIR_SHARE * tolerance, care }
     }
 
     /// C_ij; none if there is nothing to correct.
     pub(crate) fn correction(&self, i: usize, j: usize) -> Option<(f64, Zone)> {
         let [a, b] = [i, j].map(|k| &self.elements[k]);
         let (x, y) = (a.surfel(), b.surfel());
-        let sees = || !self.occluders.blocked(x.position, y.position, [x.face, y.face]);
         let least = NEGLIGIBLE * self.tolerance.powi(2) * x.area.min(y.area);
-        let difference = |value: f64| {
-            let difference = value - centroid_exchange(x, y);
-            (difference.abs() > least).then_some(difference)
+        let zone = match (a.as_patch(), b.as_patch()) {
+            (Some(a), Some(b)) => self.zone(a, b, x, y)?,
+            _ => Zone::Disk,
         };
-        let (value, zone) = match (a.as_patch(), b.as_patch()) {
-            (Some(a), Some(b)) => match self.zone(a, b, x, y)? {
-                Zone::Two => (exchange(a, b, Rule::Two), Zone::Two),
-                Zone::Three => (exchange(a, b, Rule::Three), Zone::Three),
-                // A contour integral takes much longer than a ray.
-                zone if sees() => return Some((difference(a.exchange_with(b, self.care))?, zone)),
-                _ => return None,
-            },
-            _ => (disk_exchange(x, y), Zone::Disk),
+        let taken = centroid_exchange(x, y);
+        let value = || match (a.as_patch(), b.as_patch(), zone) {
+            (Some(a), Some(b), Zone::Two) => exchange(a, b, Rule::Two),
+            (Some(a), Some(b), Zone::Three) => exchange(a, b, Rule::Three),
+            (Some(a), Some(b), _) => a.exchange_with(b, self.care),
+            _ => disk_exchange(x, y),
         };
-        let difference = difference(value)?;
-        sees().then_some((difference, zone))
+        // What the sum takes of them, and what it should: where they see all of each other, the same.
+        let shares = || {
+            let share = self.sights.close_share([i, j], [a, b]);
+            (share, if taken > 0.0 { self.sights.share(x, y).0 } else { 0.0 })
+        };
+        // A contour integral takes much longer than rays.
+        let (value, (share, sum)) = if matches!(zone, Zone::Exact) {
+            let shares = shares();
+            (if shares.0 > 0.0 { value() } else { 0.0 }, shares)
+        } else {
+            let value = value();
+            if (value - taken).abs() <= least && self.sights.are_points() {
+                return None;
+            }
+            (value, shares())
+        };
+        let difference = share * value - sum * taken;
+        (difference.abs() > least).then_some((difference, zone))
     }
 
     /// How to take two patches; none if centroids do, or they exchange too little to matter.
@@ -100,7 +116,10 @@ impl<'a> Pair<'a> {
         let ((low_a, high_a), (low_b, high_b)) = (height(a, b), height(b, a));
         let size2 = x.area.max(y.area);
         let flat = f64::EPSILON.sqrt() * size2.sqrt();
-        if high_a <= flat || high_b <= flat {
+        let whole = low_a >= -flat && low_b >= -flat;
+        // Patches of one plane that rounding of their corners has turned into each other see nothing.
+        let least = if whole { flat } else { COPLANAR * size2.sqrt() };
+        if high_a <= least || high_b <= least {
             return None;
         }
         let radius2 = |patch: &Patch, centre: glam::DVec3| {
@@ -115,7 +134,6 @@ impl<'a> Pair<'a> {
         if bend < NEGLIGIBLE * self.tolerance {
             return None;
         }
-        let whole = low_a >= -flat && low_b >= -flat;
         if whole && TWO_ERROR * ratio.powi(2) <= self.tolerance {
             Some(Zone::Two)
         } else if whole && THREE_ERROR * ratio.powi(3) <= self.tolerance {
@@ -135,7 +153,7 @@ pub(crate) fn centroid_exchange(x: &Surfel, y: &Surfel) -> f64 {
 /// A_x cos θ_x cos θ_y A_y / (πr² + max(A_x, A_y)).
 fn disk_exchange(x: &Surfel, y: &Surfel) -> f64 {
     let pair = Projections::new(x, y);
-    if !pair.facing() {
+    if !pair.in_front() {
         return 0.0;
     }
     let r2 = pair.distance_squared;

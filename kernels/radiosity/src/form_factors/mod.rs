@@ -10,3 +10,4 @@ mod corrections;
 
 pub use corrections::{Corrections, Zones};
 pub use exchange::exchange_area;
+pub(crate) use exchange::kappa;

@@ -2,7 +2,7 @@
 
 use farfield::{CellView, Coverage, Mask, Numbers, Real, Vector};
 
-use crate::elements::{Projections, Surfel};
+use crate::elements::{Projections, Surfel, closest};
 use crate::expansion::Irradiance;
 use crate::occlusion::Bounds;
 
@@ -49,7 +49,9 @@ fn by_bounds<T: Real>(targets: &[Surfel<T>], sources: &[Surfel<T>]) -> Option<Co
     // No pair is further apart than the diagonal: a projection beyond √ε of it has a cosine beyond
     // √ε. The factor 2 covers the rounding of the diagonal itself.
     let diagonal = target_bounds.union(&source_bounds).diagonal();
-    let margin = T::from_f64(2.0) * T::epsilon().sqrt() * diagonal;
+    let grazing = T::from_f64(2.0) * T::epsilon().sqrt() * diagonal;
+    // What is further from a plane than this is no closer to the surfels on it.
+    let margin = grazing.max(closest(targets)).max(closest(sources));
     let targets_are = Side::of(&target_bounds, sources, margin);
     let sources_are = Side::of(&source_bounds, targets, margin);
     match (targets_are, sources_are) {

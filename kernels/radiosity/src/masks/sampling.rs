@@ -3,9 +3,11 @@
 use std::ops::Range;
 
 use farfield::{CellView, Real};
+use glam::DVec3;
 
 use crate::elements::{Projections, Surfel};
 use crate::numbers::mixed;
+use crate::occlusion::{Bounds, Shape};
 
 /// Where visibility may be sampled: groups that exchange little.
 #[derive(Clone, Debug)]
@@ -14,6 +16,9 @@ pub(crate) struct Sampling {
     pub(crate) most: f64,
     /// How much brighter than the mean the surfels of a face may be; 1 for faces beyond the last.
     pub(crate) brightness: Vec<f64>,
+    /// Elements whose squared distance is no more than this times the sum of their squared radii are
+    /// corrected, and have to be asked for one by one.
+    pub(crate) kappa: f64,
 }
 
 /// Points of a group that rays start from, and rays between two groups.
@@ -61,6 +66,18 @@ impl Sampling {
     /// Whether groups that exchange so little may be sampled.
     pub(crate) fn accepts(&self, strength: &Strength) -> bool {
         strength.received.iter().all(|&received| received <= self.most)
+    }
+
+    /// Whether elements of two groups may be so close that their sizes count.
+    pub(crate) fn are_near(&self, groups: [&[Shape]; 2]) -> bool {
+        let points = groups.map(|group| Bounds::of(group.iter().map(|s| s.points[0].to_array())));
+        let radii = groups.map(|group| group.iter().map(|s| s.radius).fold(0.0, f64::max));
+        let [a, b] = &points;
+        let gap = |k: usize| (a.low[k] - b.high[k]).max(b.low[k] - a.high[k]).max(0.0);
+        // A point of an element is no further from its centroid than its radius.
+        let gap = DVec3::new(gap(0), gap(1), gap(2)).length() - radii[0] - radii[1];
+        let squares = radii[0].powi(2) + radii[1].powi(2);
+        squares > 0.0 && (gap <= 0.0 || gap * gap <= self.kappa * squares)
     }
 
     /// Whether they exchange so little that it doesn't matter which of their points see each other.
@@ -232,7 +249,7 @@ mod tests {
     #[test]
     fn groups_exchange_what_their_areas_and_brightness_make_of_the_kernel() {
         let (floor, ceiling) = (square(16, 0.0, 1.0, 0), square(8, 2.0, -1.0, 1));
-        let sampling = |most| Sampling { most, brightness: vec![10.0, 0.5] };
+        let sampling = |most| Sampling { most, brightness: vec![10.0, 0.5], kappa: 1.0 };
         let strength = sampling(1.0).strength(&floor, &ceiling);
         let kernel = 0.25 * std::f64::consts::FRAC_1_PI;
         assert_relative_eq!(strength.areas[0], 16e-6, max_relative = 1e-12);
@@ -254,8 +271,25 @@ mod tests {
     }
 
     #[test]
+    fn groups_are_near_while_some_of_their_elements_may_be() {
+        let shapes = |height: f64, count: usize| -> Vec<Shape> {
+            let shape = |s: &Surfel| Shape { radius: 0.1, ..Shape::point(s) };
+            square(count, height, 1.0, 0).iter().map(shape).collect()
+        };
+        let sampling = Sampling { most: 1.0, brightness: vec![], kappa: 8.0 };
+        // Elements are corrected up to a distance of √(8 · 0.02) = 0.4 of their centroids.
+        for (height, near) in [(0.0, true), (0.39, true), (0.59, true), (0.61, false)] {
+            let groups = [shapes(0.0, 16), shapes(height, 64)];
+            assert_eq!(sampling.are_near([&groups[0], &groups[1]]), near, "{height}");
+            assert_eq!(sampling.are_near([&groups[1], &groups[0]]), near, "{height}");
+        }
+        let points: Vec<Shape> = square(16, 0.0, 1.0, 0).iter().map(Shape::point).collect();
+        assert!(!sampling.are_near([&points, &points]), "points have no size");
+    }
+
+    #[test]
     fn one_that_faces_the_others_counts_among_many_that_look_away() {
-        let sampling = Sampling { most: 1.0, brightness: vec![] };
+        let sampling = Sampling { most: 1.0, brightness: vec![], kappa: 4.0 };
         let floor = square(64, 0.0, 1.0, 0);
         for one in 0..64 {
             let mut above = square(64, 2.0, 1.0, 1);

@@ -4,24 +4,26 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use farfield::{CellView, Coverage, Mask, Numbers, Real};
 
-use crate::elements::{Projections, Surfel};
+use crate::elements::{Element, Projections, Surfel};
 use crate::error::Error;
 use crate::expansion::Irradiance;
+use crate::form_factors::{Corrections, kappa};
 use crate::masks::asked::Asked;
 use crate::masks::counts::{Counters, PairCounts};
 use crate::masks::facing::facing;
 use crate::masks::sampling::{RAYS, Sampling, Seen, even, order};
-use crate::occlusion::{Occluders, Shaft, SomePairs, position};
+use crate::occlusion::{Occluders, Shaft, Shape, Sights, SomePairs};
 
 /// The mask V(x, y): a pair counts if the two surfels [face each other](Projections::facing) and no
-/// occluder [hides](Occluders::blocked) them from each other. Symmetric, bit for bit.
+/// occluder [hides](Occluders::blocked) them from each other; of [elements](Self::of_elements) that see part of
+/// each other, by the share of that part. Symmetric, bit for bit.
 ///
 /// Between cells that certainly face each other, a shaft of the occluders' hierarchy certifies that
 /// all pairs see each other, a single convex wall that none do. Elsewhere the pairs are asked for one by
 /// one, down to the leaves: Θ(N^1.5) rays in all. A [`fractional`](Self::fractional) mask takes fewer.
 #[derive(Debug)]
 pub struct Visibility<'a> {
-    occluders: &'a Occluders,
+    sights: Sights<'a>,
     sampling: Option<Sampling>,
     /// Whether each pair of leaves is asked for once for both directions.
     mirrored: AtomicBool,
@@ -29,14 +31,22 @@ pub struct Visibility<'a> {
 }
 
 impl<'a> Visibility<'a> {
-    /// The mask of a scene with these occluders: every pair that no certificate settles is asked for.
+    /// The mask of points among these occluders: every pair that no certificate settles is asked for by a
+    /// ray between the two.
     pub fn new(occluders: &'a Occluders) -> Self {
-        Self {
-            occluders,
-            sampling: None,
-            mirrored: AtomicBool::new(false),
-            counters: Counters::new(occluders.margin()),
-        }
+        Self::with(Sights::of_points(occluders))
+    }
+
+    /// The mask of elements, which counts the share of each pair that is unhidden: by four rays from all over
+    /// one to all over the other, and by one ray between points at random where one gives the other less
+    /// than 1/4096 of its light. Elements are found by their surfels; others are points.
+    pub fn of_elements(occluders: &'a Occluders, elements: &[Element]) -> Self {
+        Self::with(Sights::of_elements(occluders, elements))
+    }
+
+    fn with(sights: Sights<'a>) -> Self {
+        let counters = Counters::new(sights.occluders.margin());
+        Self { sights, sampling: None, mirrored: AtomicBool::new(false), counters }
     }
 
     /// Takes visibility by samples where that adds no more than about `tolerance` to the relative l2
@@ -54,7 +64,8 @@ impl<'a> Visibility<'a> {
         if !(tolerance > 0.0 && tolerance < 1.0) {
             return Err(Error::InvalidTolerance { found: tolerance });
         }
-        let sampling = Sampling { most: (SAMPLED_ERROR * tolerance).powi(2).min(0.1), brightness };
+        let most = (SAMPLED_ERROR * tolerance).powi(2).min(0.1);
+        let sampling = Sampling { most, brightness, kappa: kappa(tolerance) };
         Ok(Self { sampling: Some(sampling), ..self })
     }
 
@@ -72,29 +83,34 @@ impl<'a> Visibility<'a> {
         (self.counters.variance() / area).sqrt()
     }
 
-    fn sees<T: Real>(&self, x: &Surfel<T>, y: &Surfel<T>) -> bool {
-        self.counters.rays.add(1);
-        !self.occluders.blocked(position(x), position(y), [x.face, y.face])
+    /// The corrections for a sum over the centroids of `elements` that this masks; see [`Corrections::new`].
+    ///
+    /// # Errors
+    /// Those of [`Corrections::new`].
+    pub fn corrections(&self, elements: &[Element], tolerance: f64) -> Result<Corrections, Error> {
+        Corrections::with(elements, &self.sights, tolerance)
     }
 
     /// How many of the sampled pairs of two cells that face each other see each other, if so little light
     /// passes between them that this is enough.
     fn visible_samples<T: Real>(
         &self,
-        a: CellView<'_, Surfel<T>>,
-        b: CellView<'_, Surfel<T>>,
+        [a, b]: [CellView<'_, Surfel<T>>; 2],
+        [a_shapes, b_shapes]: [&[Shape]; 2],
     ) -> Option<usize> {
         let apart = a.cell.level() == b.cell.level() && a.cell.well_separated(b.cell);
         let sampling = self.sampling.as_ref().filter(|_| apart)?;
         let (in_order, key) = order(&a, &b);
-        let (x, y) = if in_order { (a.points, b.points) } else { (b.points, a.points) };
+        let (a, b) = ((a.points, a_shapes), (b.points, b_shapes));
+        let (xs, ys) = if in_order { (a, b) } else { (b, a) };
+        let (x, y) = (xs.0, ys.0);
         let strength = sampling.strength(x, y);
-        if !sampling.accepts(&strength) {
+        if !sampling.accepts(&strength) || sampling.are_near([a_shapes, b_shapes]) {
             return None;
         }
         let seen = Seen::of(x.len(), y.len(), key, |pairs| {
             self.counters.rays.add(pairs.len() as u64);
-            SomePairs { occluders: self.occluders, xs: x, ys: y, pairs, last: &mut None }.run()
+            SomePairs { sights: &self.sights, xs, ys, pairs, last: &mut None }.run()
         });
         let uneven = !(seen.rows_agree() && seen.columns_agree());
         if uneven && !sampling.accepts_blindly(&strength) {
@@ -125,15 +141,17 @@ impl<T: Real, C: Numbers<Real = T>> Mask<Irradiance<T, C>> for Visibility<'_> {
             Coverage::Full => {}
             coverage => return coverage,
         }
-        let shaft = Shaft::new(targets.points, sources.points);
-        if shaft.is_clear(self.occluders) {
+        let shapes = [targets.points, sources.points].map(|points| self.sights.shapes_of(points));
+        let shaft = Shaft::new((targets.points, &shapes[0]), (sources.points, &shapes[1]));
+        let occluders = self.sights.occluders;
+        if shaft.is_clear(occluders) {
             self.counters.certified.add(pairs);
             return Coverage::Full;
         }
-        let visible = if shaft.is_blocked(self.occluders) {
+        let visible = if shaft.is_blocked(occluders) {
             Some(0)
         } else {
-            self.visible_samples(targets, sources)
+            self.visible_samples([targets, sources], [&shapes[0], &shapes[1]])
         };
         match visible {
             None => Coverage::Partial,
@@ -157,9 +175,10 @@ impl<T: Real, C: Numbers<Real = T>> Mask<Irradiance<T, C>> for Visibility<'_> {
             self.counters.facing_away.add(1);
             return 0.0;
         }
-        let sees = self.sees(x, y);
-        if sees { &self.counters.unhidden } else { &self.counters.hidden }.add(1);
-        f64::from(sees)
+        let (share, rays) = self.sights.share(x, y);
+        self.counters.rays.add(rays as u64);
+        if share > 0.0 { &self.counters.unhidden } else { &self.counters.hidden }.add(1);
+        share
     }
 
     fn pairs(
@@ -170,15 +189,16 @@ impl<T: Real, C: Numbers<Real = T>> Mask<Irradiance<T, C>> for Visibility<'_> {
     ) {
         let same = targets.cell == sources.cell;
         let (xs, ys) = (targets.points, sources.points);
+        let [x_shapes, y_shapes] = [xs, ys].map(|points| self.sights.shapes_of(points));
         let mirrored = self.mirrored.load(Ordering::Relaxed);
         let mut asked = Asked {
-            xs,
-            ys,
-            occluders: self.occluders,
+            xs: (xs, &x_shapes),
+            ys: (ys, &y_shapes),
+            sights: &self.sights,
             counters: &self.counters,
             mirrored,
             last: None,
-            count: &mut |i, j| count(i, j, 1.0),
+            count,
             facing: 0,
             visible: 0,
             rays: 0,

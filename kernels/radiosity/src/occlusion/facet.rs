@@ -36,7 +36,7 @@ impl Facet {
 
     /// Whether it belongs to one of two faces.
     #[inline(always)]
-    fn is_one_of(&self, faces: [u32; 2]) -> bool {
+    pub(crate) fn is_one_of(&self, faces: [u32; 2]) -> bool {
         self.face != Surfel::<f64>::NO_FACE && (self.face == faces[0] || self.face == faces[1])
     }
 

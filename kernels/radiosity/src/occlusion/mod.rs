@@ -8,6 +8,8 @@ mod node;
 mod boxes;
 mod occluders;
 mod position;
+mod shapes;
+mod sights;
 mod shaft;
 mod packet;
 mod pairs;
@@ -19,6 +21,8 @@ pub(crate) use packet::LANES;
 pub(crate) use pairs::{AllPairs, SomePairs};
 pub(crate) use position::position;
 pub(crate) use shaft::Shaft;
+pub(crate) use shapes::Shape;
+pub(crate) use sights::Sights;
 
 #[cfg(test)]
 pub(crate) use occluders::tests::triangles;

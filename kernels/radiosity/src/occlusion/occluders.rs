@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use glam::DVec3;
 
-use crate::elements::Triangle;
+use crate::elements::{Surfel, Triangle};
 use crate::error::Error;
 use crate::occlusion::bounds::{Bounds, Slabs};
 use crate::occlusion::boxes::{Boxes, SmallNode};
@@ -127,24 +127,38 @@ impl Occluders {
     /// [`margin`](Self::margin). The direction may have any length but zero.
     pub fn first_hit(&self, origin: DVec3, direction: DVec3) -> Option<Hit> {
         let direction = direction.try_normalize()?;
-        let slabs = Slabs::new(origin, direction);
+        let (distance, facet) = self.nearest(origin, direction, NO_FACES, self.margin)?;
+        let (_, weights) = facet.intersect(origin, direction)?;
+        Some(Hit { triangle: facet.index as usize, face: facet.face, distance, weights })
+    }
+
+    /// The first facet that the ray from `origin` along a unit vector meets further away than `beyond`, which
+    /// may be negative, and how far away. Those of the faces in `skip` are left out.
+    pub(crate) fn nearest(
+        &self,
+        origin: DVec3,
+        direction: DVec3,
+        skip: [u32; 2],
+        beyond: f64,
+    ) -> Option<(f64, Facet)> {
+        let slabs = Slabs::new(origin + direction * beyond.min(0.0), direction);
         let nearest = std::cell::Cell::new(f64::INFINITY);
         let mut hit = None;
         self.visit(
-            |bounds| slabs.meets(bounds, nearest.get()),
+            |bounds| slabs.meets(bounds, nearest.get() - beyond.min(0.0)),
             |facet| {
-                if let Some((distance, weights)) = facet.intersect(origin, direction)
-                    && distance > self.margin
+                if !facet.is_one_of(skip)
+                    && let Some((distance, _)) = facet.intersect(origin, direction)
+                    && distance > beyond
                     && distance < nearest.get()
                 {
                     nearest.set(distance);
-                    let triangle = facet.index as usize;
-                    hit = Some(Hit { triangle, face: facet.face, distance, weights });
+                    hit = Some(*facet);
                 }
                 false
             },
         );
-        hit
+        hit.map(|facet| (nearest.get(), facet))
     }
 
     /// The nodes in single precision.
@@ -195,6 +209,9 @@ impl Occluders {
         None
     }
 }
+
+/// No face is left out.
+const NO_FACES: [u32; 2] = [Surfel::<f64>::NO_FACE; 2];
 
 /// See [`Occluders::margin`].
 fn margin_of(bounds: &Bounds<f64>) -> f64 {

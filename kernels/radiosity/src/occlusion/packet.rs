@@ -8,7 +8,6 @@
 
 #![expect(clippy::needless_range_loop, reason = "closures of iterators may not be inlined")]
 
-use farfield::Real;
 use glam::DVec3;
 
 use crate::elements::Surfel;
@@ -16,7 +15,7 @@ use crate::occlusion::boxes::SmallNode;
 use crate::occlusion::facet::{Facet, ordered};
 use crate::occlusion::node::MAX_DEPTH;
 use crate::occlusion::occluders::Occluders;
-use crate::occlusion::position;
+use crate::occlusion::sights::Segment;
 
 /// Rays side by side: 512 bits of `f32`.
 pub(crate) const LANES: usize = 16;
@@ -27,7 +26,7 @@ const NO_FACE: u32 = Surfel::<f64>::NO_FACE;
 /// ten roundings.
 const SLACK: f32 = 1e-6;
 
-/// Segments between surfels.
+/// Segments between points of faces.
 pub(crate) struct Packet<'a> {
     occluders: &'a Occluders,
     ends: [[DVec3; LANES]; 2],
@@ -52,12 +51,7 @@ pub(crate) struct Packet<'a> {
 
 impl<'a> Packet<'a> {
     #[inline(always)]
-    pub(crate) fn new<T: Real>(
-        occluders: &'a Occluders,
-        xs: &[Surfel<T>],
-        ys: &[Surfel<T>],
-        pairs: &[(usize, usize)],
-    ) -> Self {
+    pub(crate) fn new(occluders: &'a Occluders, segments: &[Segment]) -> Self {
         let boxes = occluders.boxes();
         let mut packet = Self {
             occluders,
@@ -73,16 +67,16 @@ impl<'a> Packet<'a> {
             spread: 0.0,
             unhidden: [true; LANES],
         };
-        for (lane, &(i, j)) in pairs.iter().enumerate() {
-            packet.ends[0][lane] = position(&xs[i]);
-            packet.ends[1][lane] = position(&ys[j]);
-            packet.faces[0][lane] = xs[i].face;
-            packet.faces[1][lane] = ys[j].face;
+        for (lane, segment) in segments.iter().enumerate() {
+            for end in 0..2 {
+                packet.ends[end][lane] = segment.ends[end];
+                packet.faces[end][lane] = segment.faces[end];
+            }
             packet.end[lane] = 1.0;
         }
         let first = packet.ends[0][0];
         let (mut reach, mut spread) = (1.0, 0.0);
-        for lane in 0..pairs.len() {
+        for lane in 0..segments.len() {
             let [from, to] = [packet.ends[0][lane], packet.ends[1][lane]];
             let [apart, d, from] =
                 [from - first, to - from, from - boxes.centre].map(|p| p * boxes.scale);

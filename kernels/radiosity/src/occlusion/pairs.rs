@@ -8,61 +8,85 @@
 use farfield::{Real, Vector, dispatch};
 use pulp::{Simd, WithSimd};
 
-use crate::elements::Surfel;
+use crate::elements::{CLOSEST, Projections, Surfel};
 use crate::occlusion::facet::Facet;
-use crate::occlusion::occluders::Occluders;
 use crate::occlusion::packet::{LANES, Packet};
+use crate::occlusion::shapes::Shape;
+use crate::occlusion::sights::{Segment, Sights, is_weak, rays};
 
 /// All pairs of two groups of surfels.
 pub(crate) struct AllPairs<'a, T: Real> {
-    pub(crate) occluders: &'a Occluders,
-    pub(crate) xs: &'a [Surfel<T>],
-    pub(crate) ys: &'a [Surfel<T>],
-    /// Is told of every pair that faces each other, whether it is unhidden.
-    pub(crate) answer: &'a mut dyn FnMut(usize, usize, bool),
+    pub(crate) sights: &'a Sights<'a>,
+    pub(crate) xs: (&'a [Surfel<T>], &'a [Shape]),
+    pub(crate) ys: (&'a [Surfel<T>], &'a [Shape]),
+    /// Is told of every pair that faces each other, which share of it is unhidden.
+    pub(crate) answer: &'a mut dyn FnMut(usize, usize, f64),
 }
 
 impl<T: Real> AllPairs<'_, T> {
-    /// Asks for all pairs with the best instructions that the machine has.
-    pub(crate) fn run(self) {
+    /// Asks for all pairs with the best instructions that the machine has; returns the number of rays.
+    pub(crate) fn run(self) -> usize {
         dispatch(self)
     }
 }
 
 impl<T: Real> WithSimd for AllPairs<'_, T> {
-    type Output = ();
+    type Output = usize;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _simd: S) {
-        let Self { occluders, xs, ys, answer } = self;
+    fn with_simd<S: Simd>(self, _simd: S) -> usize {
+        let Self { sights, xs: (xs, x_shapes), ys: (ys, y_shapes), answer } = self;
         let packs: Vec<Pack<T>> = ys.chunks(LANES).map(Pack::new).collect();
-        let mut facing = Vec::with_capacity(xs.len() * ys.len());
+        let mut last = None;
+        let mut count = 0;
+        let mut facing = Vec::with_capacity(ys.len());
+        let mut segments = Vec::with_capacity(ys.len());
         for (i, x) in xs.iter().enumerate() {
+            facing.clear();
+            segments.clear();
             for (p, pack) in packs.iter().enumerate() {
                 let lanes = pack.facing(x);
                 for lane in 0..LANES {
                     if lanes[lane] {
-                        facing.push((i, LANES * p + lane));
+                        let j = LANES * p + lane;
+                        let weak = is_weak(&Projections::new(x, &ys[j]));
+                        let faces = [x.face, ys[j].face];
+                        let rays = rays([&x_shapes[i], &y_shapes[j]], weak);
+                        for &ends in rays.iter() {
+                            segments.push(Segment { ends, faces });
+                        }
+                        facing.push((j, rays.len(), 0));
                     }
                 }
             }
-        }
-        let mut last = None;
-        for pairs in facing.chunks(LANES) {
-            let mut packet = Packet::new(occluders, xs, ys, pairs);
-            packet.trace(&mut last);
-            for (lane, &(i, j)) in pairs.iter().enumerate() {
-                answer(i, j, packet.unhidden[lane]);
+            count += segments.len();
+            // Which pair the next ray belongs to, and how many rays of it are behind.
+            let (mut pair, mut behind) = (0, 0);
+            for segments in segments.chunks(LANES) {
+                let mut packet = Packet::new(sights.occluders, segments);
+                packet.trace(&mut last);
+                for lane in 0..segments.len() {
+                    let (_, rays, passed) = &mut facing[pair];
+                    *passed += usize::from(packet.unhidden[lane]);
+                    behind += 1;
+                    if behind == *rays {
+                        (pair, behind) = (pair + 1, 0);
+                    }
+                }
+            }
+            for &(j, rays, passed) in &facing {
+                answer(i, j, passed as f64 / rays as f64);
             }
         }
+        count
     }
 }
 
-/// Some pairs of two groups of surfels, [`LANES`] at most.
+/// Some pairs of two groups of surfels, [`LANES`] at most, each by one ray.
 pub(crate) struct SomePairs<'a, 'b, T: Real> {
-    pub(crate) occluders: &'a Occluders,
-    pub(crate) xs: &'b [Surfel<T>],
-    pub(crate) ys: &'b [Surfel<T>],
+    pub(crate) sights: &'a Sights<'a>,
+    pub(crate) xs: (&'b [Surfel<T>], &'b [Shape]),
+    pub(crate) ys: (&'b [Surfel<T>], &'b [Shape]),
     pub(crate) pairs: &'b [(usize, usize)],
     /// What hid another pair most lately.
     pub(crate) last: &'b mut Option<&'a Facet>,
@@ -80,10 +104,18 @@ impl<T: Real> WithSimd for SomePairs<'_, '_, T> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _simd: S) -> u16 {
-        let mut packet = Packet::new(self.occluders, self.xs, self.ys, self.pairs);
-        packet.trace(self.last);
+        let Self { sights, xs: (xs, x_shapes), ys: (ys, y_shapes), pairs, last } = self;
+        let mut segments = Vec::with_capacity(LANES);
+        for &(i, j) in pairs {
+            let faces = [xs[i].face, ys[j].face];
+            for &ends in rays([&x_shapes[i], &y_shapes[j]], true).iter() {
+                segments.push(Segment { ends, faces });
+            }
+        }
+        let mut packet = Packet::new(sights.occluders, &segments);
+        packet.trace(last);
         let mut unhidden = 0;
-        for lane in 0..self.pairs.len() {
+        for lane in 0..pairs.len() {
             unhidden |= u16::from(packet.unhidden[lane]) << lane;
         }
         unhidden
@@ -94,19 +126,21 @@ impl<T: Real> WithSimd for SomePairs<'_, '_, T> {
 struct Pack<T> {
     position: [[T; LANES]; 3],
     normal: [[T; LANES]; 3],
+    area: [T; LANES],
 }
 
 impl<T: Real> Pack<T> {
     #[inline(always)]
     fn new(surfels: &[Surfel<T>]) -> Self {
         let zero = [[T::from_f64(0.0); LANES]; 3];
-        let mut pack = Self { position: zero, normal: zero };
+        let mut pack = Self { position: zero, normal: zero, area: [T::from_f64(0.0); LANES] };
         for (lane, surfel) in surfels.iter().enumerate() {
             let (position, normal) = (surfel.position.to_array(), surfel.normal.to_array());
             for k in 0..3 {
                 pack.position[k][lane] = position[k];
                 pack.normal[k][lane] = normal[k];
             }
+            pack.area[lane] = surfel.area;
         }
         pack
     }
@@ -115,7 +149,7 @@ impl<T: Real> Pack<T> {
     #[inline(always)]
     fn facing(&self, x: &Surfel<T>) -> [bool; LANES] {
         let (at, normal) = (x.position.to_array(), x.normal.to_array());
-        let (zero, epsilon) = (T::from_f64(0.0), T::epsilon());
+        let (zero, epsilon, closest) = (T::from_f64(0.0), T::epsilon(), T::from_f64(CLOSEST));
         let mut facing = [false; LANES];
         for lane in 0..LANES {
             let d: [T; 3] = [
@@ -126,8 +160,11 @@ impl<T: Real> Pack<T> {
             let m = [self.normal[0][lane], self.normal[1][lane], self.normal[2][lane]];
             let receiver = -normal[0] * d[0] + -normal[1] * d[1] + -normal[2] * d[2];
             let source = m[0] * d[0] + m[1] * d[1] + m[2] * d[2];
-            let threshold = epsilon * (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
-            facing[lane] = (receiver > zero)
+            let square = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
+            let (threshold, other) = (epsilon * square, self.area[lane]);
+            let area = if x.area > other { x.area } else { other };
+            facing[lane] = (square > closest * area)
+                & (receiver > zero)
                 & (source > zero)
                 & (receiver * receiver > threshold)
                 & (source * source > threshold);
@@ -139,6 +176,7 @@ impl<T: Real> Pack<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Occluders;
     use crate::elements::{Projections, Triangle};
     use crate::occlusion::occluders::tests::{perhaps_on_lattice, triangles};
     use crate::occlusion::position;
@@ -149,9 +187,11 @@ mod tests {
 
     /// Asks for all pairs at once, and holds every answer against that for the pair alone.
     fn check<T: Real>(occluders: &Occluders, xs: &[Surfel<T>], ys: &[Surfel<T>]) -> usize {
+        let sights = &Sights::of_points(occluders);
         let mut found = Vec::new();
-        let answer = &mut |i, j, sees| found.push((i, j, sees));
-        AllPairs { occluders, xs, ys, answer }.run();
+        let answer = &mut |i, j, share| found.push((i, j, share == 1.0));
+        let [x_shapes, y_shapes] = [xs, ys].map(|group| sights.shapes_of(group));
+        AllPairs { sights, xs: (xs, &x_shapes), ys: (ys, &y_shapes), answer }.run();
         let mut alone = Vec::new();
         for (i, x) in xs.iter().enumerate() {
             for (j, y) in ys.iter().enumerate() {
@@ -227,7 +267,10 @@ mod tests {
                 .map(|t| Triangle { vertices: t.vertices.map(moved), ..*t })
                 .collect();
             let [xs, ys] = groups.map(|group| -> Vec<Surfel> {
-                group.into_iter().map(|s| Surfel { position: moved(s.position), ..s }).collect()
+                group
+                    .into_iter()
+                    .map(|s| Surfel { position: moved(s.position), area: scale * scale * 0.1, ..s })
+                    .collect()
             });
             check(&Occluders::new(&triangles).unwrap(), &xs, &ys);
         }

@@ -7,14 +7,15 @@ use crate::elements::Surfel;
 use crate::occlusion::bounds::Bounds;
 use crate::occlusion::facet::Facet;
 use crate::occlusion::occluders::Occluders;
-use crate::occlusion::position;
+use crate::occlusion::shapes::Shape;
 
-/// The convex hull of the bounding boxes of two groups of surfels.
+/// The convex hull of the bounding boxes of two groups of surfels, all of their shapes included.
 ///
 /// The hull of two axis-aligned boxes is bounded by the sides of the box around both and by planes
 /// through an edge of each, parallel to an axis (Haines and Wallace 1994).
-pub(crate) struct Shaft<'a, T: Real> {
-    ends: [&'a [Surfel<T>]; 2],
+pub(crate) struct Shaft<'a> {
+    /// The shapes of the surfels at both ends.
+    ends: [&'a [Shape]; 2],
     bounds: [Bounds<f64>; 2],
     /// Faces on which all surfels of an end lie: no occluder to any of the segments.
     own_faces: [Option<u32>; 2],
@@ -32,17 +33,21 @@ struct Plane {
     offset: f64,
 }
 
-impl<'a, T: Real> Shaft<'a, T> {
-    pub(crate) fn new(targets: &'a [Surfel<T>], sources: &'a [Surfel<T>]) -> Self {
-        let ends = [targets, sources];
-        let bounds = ends.map(|end| Bounds::of(end.iter().map(position).map(|p| p.to_array())));
+impl<'a> Shaft<'a> {
+    /// The shaft between surfels of these shapes.
+    pub(crate) fn new<T: Real>(
+        (targets, target_shapes): (&[Surfel<T>], &'a [Shape]),
+        (sources, source_shapes): (&[Surfel<T>], &'a [Shape]),
+    ) -> Self {
+        let ends = [target_shapes, source_shapes];
+        let bounds = ends.map(|end| Bounds::of(corners_of(end).map(|p| p.to_array())));
         let hull = bounds[0].union(&bounds[1]);
         // The hull grows by the rounding of its own planes; the margin of the occluders comes on top.
         let slack = 32.0 * f64::EPSILON * hull.farthest();
         Self {
             ends,
             bounds,
-            own_faces: ends.map(common_face),
+            own_faces: [targets, sources].map(common_face),
             hull: hull.grown(slack),
             edges: edge_planes(&bounds[0], &bounds[1], slack),
         }
@@ -57,7 +62,7 @@ impl<'a, T: Real> Shaft<'a, T> {
     /// Whether certainly all sources are hidden from all targets, by one convex wall.
     pub(crate) fn is_blocked(&self, occluders: &Occluders) -> bool {
         let margin = occluders.margin();
-        let mut asked = Surfel::<T>::NO_FACE;
+        let mut asked = Surfel::<f64>::NO_FACE;
         let (mut hidden, mut facets) = (false, 0);
         let [a, b] = &self.bounds;
         occluders.visit(
@@ -100,8 +105,8 @@ impl<'a, T: Real> Shaft<'a, T> {
         if low >= -margin || high <= margin {
             return true;
         }
-        let heights =
-            || self.ends.into_iter().flatten().map(|surfel| facet.height(position(surfel)));
+        let corners = || self.ends.into_iter().flat_map(corners_of);
+        let heights = || corners().map(|corner| facet.height(corner));
         heights().all(|h| h >= -margin) || heights().all(|h| h <= margin)
     }
 
@@ -193,6 +198,10 @@ impl Polygon {
     }
 }
 
+fn corners_of(shapes: &[Shape]) -> impl Iterator<Item = DVec3> {
+    shapes.iter().flat_map(|shape| shape.corners)
+}
+
 /// The face that all surfels lie on, if it is one and the same.
 fn common_face<T: Real>(surfels: &[Surfel<T>]) -> Option<u32> {
     let face = surfels.first()?.face;
@@ -219,6 +228,15 @@ mod tests {
         (0..8).map(|k| surfel(pick(k), face)).collect()
     }
 
+    fn shapes(surfels: &[Surfel]) -> Vec<Shape> {
+        surfels.iter().map(Shape::point).collect()
+    }
+
+    fn is_clear(t: &[Surfel], s: &[Surfel], occluders: &Occluders) -> bool {
+        let shapes = [shapes(t), shapes(s)];
+        Shaft::new((t, &shapes[0]), (s, &shapes[1])).is_clear(occluders)
+    }
+
     fn single(vertices: [DVec3; 3]) -> Occluders {
         Occluders::new(&[Triangle { vertices, face: 5 }]).unwrap()
     }
@@ -228,8 +246,8 @@ mod tests {
         let a = corners(DVec3::ZERO, DVec3::ONE, NO_FACE);
         let b = corners(DVec3::splat(4.0), DVec3::splat(5.0), NO_FACE);
         let facet_at = |p: DVec3| single([p, p + DVec3::X * 0.3, p + DVec3::Y * 0.3]);
-        assert!(Shaft::new(&a, &b).is_clear(&facet_at(DVec3::new(4.5, 0.2, 2.0))));
-        assert!(!Shaft::new(&a, &b).is_clear(&facet_at(DVec3::splat(2.5))));
+        assert!(is_clear(&a, &b, &facet_at(DVec3::new(4.5, 0.2, 2.0))));
+        assert!(!is_clear(&a, &b, &facet_at(DVec3::splat(2.5))));
     }
 
     #[test]
@@ -241,8 +259,8 @@ mod tests {
             let apex = DVec3::new(30.0, 30.0, 31.0);
             single([edge + DVec3::new(40.0, -40.0, 5.0), edge + DVec3::new(-40.0, 40.0, 5.0), apex])
         };
-        assert!(Shaft::new(&a, &b).is_clear(&diagonal(1.1)));
-        assert!(!Shaft::new(&a, &b).is_clear(&diagonal(0.9)));
+        assert!(is_clear(&a, &b, &diagonal(1.1)));
+        assert!(!is_clear(&a, &b, &diagonal(0.9)));
     }
 
     #[test]
@@ -254,13 +272,13 @@ mod tests {
             vec![surfel(DVec3::new(0.5, 0.5, 0.06), face), surfel(DVec3::new(0.2, 0.5, 0.02), face)]
         };
         let wall = corners(DVec3::new(0.0, 0.0, 0.5), DVec3::new(0.0, 1.0, 1.0), NO_FACE);
-        assert!(!Shaft::new(&on_floor(NO_FACE), &wall).is_clear(&occluders));
-        assert!(Shaft::new(&on_floor(5), &wall).is_clear(&occluders));
-        assert!(Shaft::new(&wall, &on_floor(5)).is_clear(&occluders));
+        assert!(!is_clear(&on_floor(NO_FACE), &wall, &occluders));
+        assert!(is_clear(&on_floor(5), &wall, &occluders));
+        assert!(is_clear(&wall, &on_floor(5), &occluders));
         // Exactly on the plane, without a word about faces.
         let flat = single([DVec3::ZERO, DVec3::X * 2.0, DVec3::Y * 2.0]);
         let touching = corners(DVec3::ZERO, DVec3::new(1.0, 1.0, 0.0), NO_FACE);
-        assert!(Shaft::new(&touching, &wall).is_clear(&flat));
+        assert!(is_clear(&touching, &wall, &flat));
     }
 
     /// Surfels of one cell: mostly of one face, on a lattice that the triangles share or not.
@@ -283,7 +301,7 @@ mod tests {
             let random = &mut Random::new(seed);
             let (triangles, t, s) = (triangles(random), end(random), end(random));
             let occluders = Occluders::new(&triangles).unwrap();
-            if Shaft::new(&t, &s).is_clear(&occluders) {
+            if is_clear(&t, &s, &occluders) {
                 clear += 1;
                 for (x, y) in t.iter().flat_map(|x| s.iter().map(move |y| (x, y))) {
                     let blocked = occluders.blocked(x.position, y.position, [x.face, y.face]);
@@ -300,7 +318,8 @@ mod tests {
             let random = &mut Random::new(seed);
             let (t, s, along) = (end(random), end(random), random.unit());
             let p = 3.0 * random.in_cube() - 1.5;
-            let shaft = Shaft::new(&t, &s);
+            let shapes = [shapes(&t), shapes(&s)];
+            let shaft = Shaft::new((&t, &shapes[0]), (&s, &shapes[1]));
             let holds = |p: DVec3| shaft.meets(&Bounds::of([p.to_array()]));
             for (x, y) in t.iter().flat_map(|x| s.iter().map(move |y| (x, y))) {
                 assert!(holds(x.position.lerp(y.position, along)), "{seed}");

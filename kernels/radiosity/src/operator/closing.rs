@@ -1,6 +1,6 @@
 //! Scaling an exchange until no row gains light.
 
-use crate::error::Error;
+use crate::error::{Error, check_length};
 use crate::operator::RadiosityOperator;
 
 /// The size of the corrections that [`RadiosityOperator::close`] made.
@@ -21,81 +21,141 @@ pub enum Enclosure {
     Open,
 }
 
-/// Iterations of the scaling; each takes one sum.
+/// Iterations of the scaling, each of which takes one sum: after the first number they end once rows are
+/// closed well enough, after the second there will be no end.
 const SCALINGS: usize = 20;
+const MOST_SCALINGS: usize = 100;
 
-/// Rows that sum to 1 within this are closed.
+/// Rows that sum to 1 within this are closed; within the other, well enough.
 const CLOSED: f64 = 1e-6;
+const CLOSED_ENOUGH: f64 = 1e-3;
 
 impl<const BANDS: usize> RadiosityOperator<'_, BANDS> {
+    /// The scaling of [`close_parts`](Self::close_parts) alone where it isn't known which elements see each
+    /// other: all of them belong to closed parts, or none.
+    ///
+    /// # Errors
+    /// Those of [`close_parts`](Self::close_parts).
+    pub fn close(&mut self, enclosure: Enclosure, limit: f64) -> Result<Closure, Error> {
+        let part = match enclosure {
+            Enclosure::Closed => Some(0),
+            Enclosure::Open => None,
+        };
+        let closure = self.close_parts(vec![part; self.areas.len()], limit)?;
+        self.parts.clear();
+        self.own.clear();
+        Ok(closure)
+    }
+
     /// Scales the exchange K to D K D, which keeps it reciprocal, so that the rows of closed surfaces
     /// sum to 1 and those of open ones to 1 at most: without, an iteration of bounces may gain light.
+    /// `parts` has the number of the closed part that each element belongs to, and none for those that lose
+    /// light.
     ///
     /// d_i ← √(d_i A_i / (K d)_i), of open surfaces 1 at most (Sinkhorn's scaling in its symmetric
     /// form: Knight, Ruiz and Uçar, SIAM J. Matrix Anal. Appl. 35, 2014). Some ten sums; none if no
-    /// row of open surfaces sums to more than 1.
+    /// row of open surfaces sums to more than 1. What the rows of closed surfaces then still lack to 1 is
+    /// [given to themselves](Self::own_factor).
     ///
     /// # Errors
-    /// [`Error::NotClosable`] if a form factor would have to change by more than `limit`: then elements
-    /// are missing or far too coarse, and the operator is left as it was. Those of the sum.
-    pub fn close(&mut self, enclosure: Enclosure, limit: f64) -> Result<Closure, Error> {
-        let before = std::mem::take(&mut self.scaling);
-        let closed = self.scaling_for(enclosure).and_then(|d| {
-            let change = |d: f64| d * d - 1.0;
-            let squares = d.iter().zip(&self.areas).map(|(&d, area)| area * change(d).powi(2));
-            let rms = (squares.sum::<f64>()
-                / self.areas.iter().sum::<f64>().max(f64::MIN_POSITIVE))
-            .sqrt();
-            let worst =
-                (0..d.len()).max_by(|&i, &j| change(d[i]).abs().total_cmp(&change(d[j]).abs()));
-            let largest = worst.map_or(0.0, |index| change(d[index]).abs());
-            match worst {
-                Some(index) if largest > limit || largest.is_nan() || limit.is_nan() => {
-                    Err(Error::NotClosable { index, change: change(d[index]), limit })
-                }
-                _ => Ok((d, Closure { largest, rms })),
-            }
-        });
+    /// [`Error::NotClosable`] if a form factor would have to change by more than `limit`, and
+    /// [`Error::NotClosed`] if no scaling closes all rows: then elements are missing or far too coarse, and
+    /// the operator is left as it was. [`Error::LengthMismatch`] unless there is an entry for each element.
+    /// Those of the sum.
+    pub fn close_parts(&mut self, parts: Vec<Option<u32>>, limit: f64) -> Result<Closure, Error> {
+        check_length("parts", parts.len(), self.areas.len())?;
+        let before = self.take_closure();
+        let closed = self.closed_by(&parts, limit);
         match closed {
-            Ok((d, closure)) => {
-                self.scaling = if closure.largest > 0.0 { d } else { Vec::new() };
+            Ok((scaling, own, closure)) => {
+                if closure.largest > 0.0 {
+                    self.scaling = scaling;
+                }
+                if parts.iter().any(Option::is_some) {
+                    (self.parts, self.own) = (parts, own);
+                }
                 Ok(closure)
             }
             Err(error) => {
-                self.scaling = before;
+                (self.scaling, self.parts, self.own) = before;
                 Err(error)
             }
         }
     }
 
-    fn scaling_for(&self, enclosure: Enclosure) -> Result<Vec<f64>, Error> {
+    /// D, what closed rows lack to 1 after it, and how large D is.
+    fn closed_by(
+        &mut self,
+        parts: &[Option<u32>],
+        limit: f64,
+    ) -> Result<(Vec<f64>, Vec<f64>, Closure), Error> {
+        let (d, left) = self.scaling_for(parts)?;
+        let change = |d: f64| d * d - 1.0;
+        let squares = d.iter().zip(&self.areas).map(|(&d, area)| area * change(d).powi(2));
+        let rms =
+            (squares.sum::<f64>() / self.areas.iter().sum::<f64>().max(f64::MIN_POSITIVE)).sqrt();
+        let worst = (0..d.len()).max_by(|&i, &j| change(d[i]).abs().total_cmp(&change(d[j]).abs()));
+        let largest = worst.map_or(0.0, |index| change(d[index]).abs());
+        if let Some(index) = worst
+            && !within(largest, limit)
+        {
+            return Err(Error::NotClosable { index, change: change(d[index]), limit });
+        }
+        let lacks = |i: usize| if parts[i].is_some() { left[i] } else { 0.0 };
+        let own: Vec<f64> = (0..d.len()).map(lacks).collect();
+        let worst = (0..d.len()).max_by(|&i, &j| own[i].abs().total_cmp(&own[j].abs()));
+        match worst {
+            Some(index) if !within(own[index], CLOSED_ENOUGH) => {
+                Err(Error::NotClosed { index, row_sum: 1.0 - own[index] })
+            }
+            _ => Ok((d, own, Closure { largest, rms })),
+        }
+    }
+
+    /// D, and what the rows lack to 1 once they are scaled by it.
+    fn scaling_for(&self, parts: &[Option<u32>]) -> Result<(Vec<f64>, Vec<f64>), Error> {
         let mut d = vec![1.0; self.areas.len()];
-        for _ in 0..SCALINGS {
+        let mut iteration = 0;
+        loop {
+            iteration += 1;
             let columns: Vec<_> = d.iter().map(|&d| [d; BANDS]).collect();
             let received = self.apply(&columns)?;
-            let mut change = 0.0f64;
-            for (d, h) in d.iter_mut().zip(&received) {
-                // An element that nothing sees has nothing to scale; a sum that is no number shows.
-                let seen = h[0] > 0.0 || h[0].is_nan();
-                let wanted = if seen { (*d / h[0]).sqrt() } else { *d };
-                let most = if enclosure == Enclosure::Open { 1.0 } else { f64::INFINITY };
+            let (mut next, mut change) = (d.clone(), 0.0f64);
+            for ((d, h), part) in next.iter_mut().zip(&received).zip(parts) {
+                // An open element that nothing sees has nothing to scale.
+                let scaled = h[0] != 0.0 || part.is_some();
+                let wanted = if scaled { (*d / h[0]).sqrt() } else { *d };
+                let most = if part.is_some() { f64::INFINITY } else { 1.0 };
                 let wanted = if wanted > most { most } else { wanted };
-                change = change.max((wanted / *d - 1.0).abs());
+                let step = (wanted / *d - 1.0).abs();
+                // Unlike f64::max, this doesn't lose a NaN.
+                change = if step <= change { change } else { step };
                 *d = wanted;
             }
-            if change < CLOSED {
-                break;
+            let enough = if iteration < SCALINGS { CLOSED } else { 0.25 * CLOSED_ENOUGH };
+            if change < enough || iteration == MOST_SCALINGS {
+                let left = d.iter().zip(&received).map(|(d, h)| 1.0 - d * h[0]).collect();
+                return Ok((d, left));
+            }
+            d = next;
+            if !change.is_finite() {
+                let left = vec![f64::NAN; d.len()];
+                return Ok((d, left));
             }
         }
-        Ok(d)
     }
+}
+
+/// Whether a number, of either sign, is no larger than a limit: neither is if it is none.
+fn within(number: f64, limit: f64) -> bool {
+    number.abs() <= limit
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::operator::radiosity_operator::tests::{extremes, plain};
-    use crate::{Corrections, Scene, Stop, furnace, jacobi};
+    use crate::operator::radiosity_operator::tests::{extremes, plain, sums};
+    use crate::{Corrections, Element, Scene, Stop, Surfel, furnace, jacobi};
     use glam::DVec3;
 
     /// The four walls and the floor of a cube.
@@ -137,6 +197,75 @@ mod tests {
         for (j, before) in scalings.iter().enumerate() {
             assert!((operator.scaling(j) - before).abs() < 1e-5);
         }
+    }
+
+    #[test]
+    fn parts_are_closed_each_by_itself_and_rows_of_closed_ones_are_exact() {
+        let (room, mut scene) = (furnace(4), furnace(4));
+        let mut second = open_room(4);
+        for element in &mut second.elements {
+            let surfel = *element.surfel();
+            *element = Element::disk(Surfel { position: surfel.position + 9.0, ..surfel });
+        }
+        scene.surfels.extend(second.elements.iter().map(|e| *e.surfel()));
+        scene.elements.extend(second.elements);
+        // No wall keeps them apart: only the first sees itself.
+        let alone = sums(&room);
+        let mut part = Scene::new();
+        part.surfels = scene.surfels[96..].to_vec();
+        let beside = sums(&part);
+        let both = move |b: &[[f64; 1]]| {
+            let mut h = alone(&b[..96])?;
+            h.extend(beside(&b[96..])?);
+            Ok(h)
+        };
+        let none = Corrections::none(&scene.elements);
+        let mut operator = RadiosityOperator::new(&scene.elements, both, none).unwrap();
+        let before = operator.row_sums().unwrap();
+        let parts = (0..scene.elements.len()).map(|i| (i < 96).then_some(0)).collect();
+        operator.close_parts(parts, 0.5).unwrap();
+        let after = operator.row_sums().unwrap();
+        assert!(after[..96].iter().all(|&sum| sum == 1.0));
+        let (before, after) = (&before[96..], &after[96..]);
+        assert!(before.iter().zip(after).all(|(b, a)| a <= b) && extremes(after).0 < 0.9);
+        assert!(operator.own_factor(3).abs() < 1e-5 && operator.own_factor(99) == 0.0);
+        assert!(operator.reciprocity_error().unwrap() < 1e-12);
+        // The same by the matrix, which has no exact rows but for what is given to each element.
+        let mut unit = vec![[0.0]; scene.elements.len()];
+        unit[3] = [1.0];
+        let h = operator.apply(&unit).unwrap();
+        assert!((h[3][0] - operator.own_factor(3)).abs() < 1e-12);
+        let length = Error::LengthMismatch { what: "parts", expected: 176, found: 1 };
+        assert_eq!(operator.close_parts(vec![None], 0.5), Err(length));
+    }
+
+    #[test]
+    fn rows_that_no_scaling_closes_are_refused() {
+        // Two elements that see nothing but each other, of different areas.
+        let disk = |area: f64| {
+            Element::disk(Surfel { position: DVec3::ZERO, normal: DVec3::Z, area, face: 0 })
+        };
+        let elements = [disk(1.0), disk(1.0)];
+        for second in [1.004, 1.01] {
+            let elements = [disk(1.0), disk(second)];
+            let swapped = move |b: &[[f64; 1]]| Ok(vec![[b[1][0]], [b[0][0] / second]]);
+            let none = Corrections::none(&elements);
+            let mut operator = RadiosityOperator::new(&elements, swapped, none).unwrap();
+            let error = operator.close(Enclosure::Closed, 0.5).unwrap_err();
+            let not_closed =
+                matches!(error, Error::NotClosed { row_sum, .. } if (row_sum - 1.0).abs() > 1e-3);
+            // The larger the difference, the further the scaling goes in vain.
+            let too_far = matches!(error, Error::NotClosable { .. });
+            assert!(if second < 1.01 { not_closed } else { not_closed || too_far }, "{error}");
+            assert_eq!(operator.row_sums().unwrap(), [1.0, 1.0 / second]);
+        }
+        // What should be closed and sees nothing can't be.
+        let dark = |b: &[[f64; 1]]| Ok(vec![[0.0]; b.len()]);
+        let none = Corrections::none(&elements);
+        let mut operator = RadiosityOperator::new(&elements, dark, none).unwrap();
+        let error = operator.close(Enclosure::Closed, 0.5).unwrap_err();
+        assert!(matches!(error, Error::NotClosable { change: f64::INFINITY, .. }), "{error}");
+        assert_eq!(operator.close(Enclosure::Open, 0.5), Ok(Closure::default()));
     }
 
     #[test]

@@ -9,11 +9,13 @@ use crate::form_factors::Corrections;
 use crate::numbers::{mixed, relative};
 use crate::operator::rounding;
 
-/// H = A⁻¹ D (A K + C) D: the irradiance of elements by their radiosity, all bands in one pass.
+/// H = A⁻¹ (D (A K + C) D + R): the irradiance of elements by their radiosity, all bands in one pass.
 ///
 /// K is a sum over centroids (any fast sum of [`Irradiance`](crate::Irradiance) over
 /// [`Element::surfel`]s), C its [`Corrections`], A the areas, D the scaling that
-/// [`close`](Self::close) finds; without it D = 1.
+/// [`close`](Self::close) finds; without it D = 1. R is diagonal and holds what the rows of closed parts
+/// then lack to 1, so that these sum to 1 exactly. The mean radiosity of a closed part doesn't go through
+/// the sum, as it is known what becomes of it: rounding is relative to what the radiosities differ by.
 ///
 /// ```
 /// use farfield::Fmm;
@@ -36,6 +38,10 @@ pub struct RadiosityOperator<'a, const BANDS: usize> {
     pub(super) areas: Vec<f64>,
     /// D; empty if it is 1.
     pub(super) scaling: Vec<f64>,
+    /// The closed part of each element; empty if there is none.
+    pub(super) parts: Vec<Option<u32>>,
+    /// A⁻¹ R; empty if there is no closed part.
+    pub(super) own: Vec<f64>,
 }
 
 type Sum<'a, const BANDS: usize> =
@@ -54,7 +60,8 @@ impl<'a, const BANDS: usize> RadiosityOperator<'a, BANDS> {
     ) -> Result<Self, Error> {
         check_length("corrections", corrections.len(), elements.len())?;
         let areas = elements.iter().map(|element| element.surfel().area).collect();
-        Ok(Self { sum: Box::new(sum), corrections, areas, scaling: Vec::new() })
+        let (scaling, parts, own) = (Vec::new(), Vec::new(), Vec::new());
+        Ok(Self { sum: Box::new(sum), corrections, areas, scaling, parts, own })
     }
 
     /// The irradiance H of each element for radiosities B, in the same units.
@@ -64,12 +71,21 @@ impl<'a, const BANDS: usize> RadiosityOperator<'a, BANDS> {
     /// irradiance. Those of the sum.
     pub fn apply(&self, radiosity: &[[f64; BANDS]]) -> Result<Vec<[f64; BANDS]>, Error> {
         check_length("radiosity", radiosity.len(), self.areas.len())?;
-        let scaled = self.scaled(radiosity);
-        let mut irradiance = (self.sum)(&scaled)?;
-        check_length("irradiance", irradiance.len(), self.areas.len())?;
-        self.corrections.add(&scaled, &mut irradiance);
-        for (h, d) in irradiance.iter_mut().zip(&self.scaling) {
-            *h = h.map(|h| d * h);
+        let means = self.means(radiosity);
+        if means.is_empty() {
+            return self.exchanged(radiosity);
+        }
+        let mean = |i: usize| self.parts[i].map_or([0.0; BANDS], |part| means[part as usize]);
+        let uneven: Vec<[f64; BANDS]> = (0..radiosity.len())
+            .map(|i| {
+                let mean = mean(i);
+                std::array::from_fn(|k| radiosity[i][k] - mean[k])
+            })
+            .collect();
+        let mut irradiance = self.exchanged(&uneven)?;
+        for (i, h) in irradiance.iter_mut().enumerate() {
+            let mean = mean(i);
+            *h = std::array::from_fn(|k| mean[k] + (h[k] + self.own[i] * uneven[i][k]));
         }
         Ok(irradiance)
     }
@@ -131,6 +147,45 @@ impl<'a, const BANDS: usize> RadiosityOperator<'a, BANDS> {
     /// The factor d_j by which an element's radiosity counts, and its irradiance.
     pub fn scaling(&self, j: usize) -> f64 {
         self.scaling.get(j).copied().unwrap_or(1.0)
+    }
+
+    /// What an element of a closed part gives to itself, as a form factor: what its row lacks to 1 after the
+    /// scaling. 0 for others.
+    pub fn own_factor(&self, j: usize) -> f64 {
+        self.own.get(j).copied().unwrap_or(0.0)
+    }
+
+    /// The mean radiosity of each closed part over its area.
+    pub(super) fn means(&self, radiosity: &[[f64; BANDS]]) -> Vec<[f64; BANDS]> {
+        let count = self.parts.iter().flatten().max().map_or(0, |&part| part as usize + 1);
+        let mut sums = vec![([0.0; BANDS], 0.0); count];
+        for ((b, area), part) in radiosity.iter().zip(&self.areas).zip(&self.parts) {
+            if let Some(part) = part {
+                let (sum, total) = &mut sums[*part as usize];
+                *total += area;
+                sum.iter_mut().zip(b).for_each(|(sum, b)| *sum += area * b);
+            }
+        }
+        let mean = |(sum, area): ([f64; BANDS], f64)| sum.map(|sum| sum / area);
+        sums.into_iter().map(mean).collect()
+    }
+
+    /// Leaves D = 1 and no closed part; returns what there was of them.
+    pub(super) fn take_closure(&mut self) -> (Vec<f64>, Vec<Option<u32>>, Vec<f64>) {
+        let Self { scaling, parts, own, .. } = self;
+        (std::mem::take(scaling), std::mem::take(parts), std::mem::take(own))
+    }
+
+    /// A⁻¹ D (A K + C) D B.
+    fn exchanged(&self, radiosity: &[[f64; BANDS]]) -> Result<Vec<[f64; BANDS]>, Error> {
+        let scaled = self.scaled(radiosity);
+        let mut irradiance = (self.sum)(&scaled)?;
+        check_length("irradiance", irradiance.len(), self.areas.len())?;
+        self.corrections.add(&scaled, &mut irradiance);
+        for (h, d) in irradiance.iter_mut().zip(&self.scaling) {
+            *h = h.map(|h| d * h);
+        }
+        Ok(irradiance)
     }
 
     /// D B

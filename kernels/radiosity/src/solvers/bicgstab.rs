@@ -303,7 +303,7 @@ mod tests {
         let (e, rho, stop) = ([[1.0]; 3], [[0.5]; 3], Stop::default());
         let error = Error::LengthMismatch { what: "reflectance", expected: 3, found: 2 };
         assert_eq!(bicgstab(&e, &rho[..2], stop, apply, |_, _| ()), Err(error));
-        let error = bicgstab(&e, &[[1.0]; 3], stop, apply, |_, _| ()).unwrap_err();
+        let error = bicgstab(&e, &[[1.1]; 3], stop, apply, |_, _| ()).unwrap_err();
         assert!(matches!(error, Error::InvalidReflectance { index: 0, band: 0, .. }));
         let error = bicgstab(&[[-1.0]; 3], &rho, stop, apply, |_, _| ()).unwrap_err();
         assert!(matches!(error, Error::InvalidEmission { index: 0, band: 0, .. }));

@@ -266,7 +266,7 @@ fn bad_input_is_named() {
     let failing = |_: &[[f64; 2]]| Err(farfield::Error::InvalidLeafSize);
     let error = Error::Sum(farfield::Error::InvalidLeafSize);
     assert_eq!(jacobi(&E, &RHO, stop, failing, |_, _| ()), Err(error));
-    let white = [[1.0, 0.0]; 3];
+    let white = [[1.1, 0.0]; 3];
     assert!(matches!(
         jacobi(&E, &white, stop, gather, |_, _| ()),
         Err(Error::InvalidReflectance { index: 0, band: 0, .. })

@@ -4,9 +4,10 @@ use std::collections::HashMap;
 use std::f64::consts::{FRAC_1_PI, PI};
 
 use approx::assert_relative_eq;
-use farfield::direct;
+use farfield::{Mask, direct};
 use farfield_radiosity::{
-    Irradiance, Occluders, Patch, Surfel, quad_pieces, quad_triangles, sphere_interior,
+    Irradiance, Occluders, Patch, Scene, Surfel, Visibility, quad_pieces, quad_triangles,
+    sphere_interior,
 };
 use glam::DVec3;
 
@@ -204,6 +205,38 @@ fn square_blockers_between_parallel_squares() {
         let [coarse, fine] = grids.map(|grid| (past_a_blocker(blocker, grid) - exact).abs());
         assert!(fine <= 1e-4, "{blocker:?}: {fine}");
         assert!(fine < 0.25 * coarse || coarse < 1e-10, "{blocker:?}: {coarse} {fine}");
+    }
+}
+
+#[test]
+fn shadows_converge_however_grids_and_blockers_lie() {
+    // The blocker's border lies on the grid, where centroids are all on one side of the shadow's.
+    let factor = |n: usize| {
+        let [x, y, z] = DVec3::AXES;
+        let mut scene = Scene::new();
+        scene.add_quad([DVec3::ZERO, x, x + y, y], n, n);
+        scene.add_quad([z, z + y, z + x + y, z + x], n, n);
+        scene.add_quad([0.0 * x, 0.5 * x, 0.5 * (x + y), 0.5 * y].map(|c| c + 0.5 * z), 0, 0);
+        let occluders = Occluders::new(&scene.triangles).unwrap();
+        let sum = |mask: &Visibility<'_>| {
+            let (floor, ceiling) = scene.elements.split_at(n * n);
+            let mut sum = 0.0;
+            for (a, b) in floor.iter().flat_map(|a| ceiling.iter().map(move |b| (a, b))) {
+                let share = Mask::<Irradiance<f64>>::pair(mask, a.surfel(), b.surfel());
+                if share > 0.0 {
+                    sum += share * a.as_patch().unwrap().exchange(b.as_patch().unwrap());
+                }
+            }
+            sum - 0.1498686718
+        };
+        let shares = sum(&Visibility::of_elements(&occluders, &scene.elements));
+        (shares.abs(), sum(&Visibility::new(&occluders)).abs())
+    };
+    for n in [4, 8, 16] {
+        let (shares, centroids) = factor(n);
+        let bound = 0.05 * (n as f64).powf(-1.5);
+        assert!(shares < bound, "{n}: {shares:e}");
+        assert!(centroids > bound, "{n}: {centroids:e} without shares");
     }
 }
 

@@ -190,3 +190,65 @@ fn no_light_passes_a_wall_of_no_thickness() {
     let passed = operator::<1>(&open, 1e-3).apply(&emission).unwrap();
     assert!(passed[half..].iter().map(|h| h[0]).sum::<f64>() > 10.0);
 }
+
+#[test]
+fn form_factors_lie_between_zero_and_one_however_visibility_is_found() {
+    // A closed corrugated band between floor and ceiling: grazing neighbours of all sizes, much of it hidden.
+    let mut scene = furnace(6);
+    let corner = |k: usize| {
+        let (sin, cos) = (k as f64 * std::f64::consts::TAU / 24.0).sin_cos();
+        let radius = if k.is_multiple_of(2) { 0.3 } else { 0.22 };
+        DVec3::new(0.5 + radius * cos, 0.5 + radius * sin, 0.2)
+    };
+    for k in 0..24 {
+        let [a, b] = [corner(k), corner(k + 1)];
+        let up = DVec3::Z * 0.5;
+        scene.add_quad([a, b, b + up, a + up], 2, 4);
+        scene.add_quad([b, a, a + up, b + up], 2, 4);
+    }
+    let occluders = Occluders::new(&scene.triangles).unwrap();
+    let kernel = Irradiance::<f64, [f64; 1]>::clamped();
+    let of_elements = || Visibility::of_elements(&occluders, &scene.elements);
+    for mask in [of_elements(), of_elements().fractional(0.3, vec![]).unwrap()] {
+        let builder = Fmm::builder(kernel).mask(&mask).order(6).leaf_size(8);
+        let fmm = builder.build(&scene.surfels, &scene.surfels).unwrap();
+        let corrections = mask.corrections(&scene.elements, 0.3).unwrap();
+        let operator =
+            RadiosityOperator::new(&scene.elements, |b| fmm.apply(b), corrections).unwrap();
+        assert!(operator.reciprocity_error().unwrap() < 1e-4);
+        for (j, surfel) in scene.surfels.iter().enumerate() {
+            let mut unit = vec![[0.0]; scene.surfels.len()];
+            unit[j] = [1.0];
+            for (h, receiver) in operator.apply(&unit).unwrap().iter().zip(&scene.surfels) {
+                let most = (surfel.area / receiver.area).min(1.0);
+                assert!(h[0] > -1e-3 * most, "{h:?}");
+                assert!(h[0] < most * (1.0 + 1e-3), "{h:?} {most}");
+            }
+        }
+    }
+}
+
+#[test]
+fn the_two_sides_of_a_sheet_exchange_nothing() {
+    // One over the other, from faces of their own and of one face, turned so that rounding shows.
+    let along = DVec3::new(0.798_635_510_047_292_7, 0.601_815_023_152_048_3, 0.0);
+    let (front, back) = (
+        [DVec3::ZERO, along, along + DVec3::Z, DVec3::Z],
+        [DVec3::ZERO, DVec3::Z, along + DVec3::Z, along],
+    );
+    let mut scene = Scene::new();
+    scene.add_quad(front.map(|c| c + 0.3), 7, 7);
+    scene.add_quad(back.map(|c| c + 0.3), 7, 7);
+    let operator = operator::<1>(&scene, 1e-3);
+    let h = operator.apply(&vec![[1.0]; 98]).unwrap();
+    assert!(h.iter().all(|h| *h == [0.0]), "{h:?}");
+    // Rounding to single precision, as meshes have it, tilts the sides against each other.
+    let single = |c: DVec3| (c + 0.3).as_vec3().as_dvec3();
+    let mut scene = Scene::new();
+    scene.add_quad(front.map(single), 7, 7);
+    let [a, b, c, d] = back.map(single);
+    scene.add_quad([b, c, d, a], 5, 5);
+    let operator = self::operator::<1>(&scene, 1e-3);
+    let h = operator.apply(&vec![[1.0]; scene.elements.len()]).unwrap();
+    assert!(h.iter().all(|h| h[0] < 1e-6), "{h:?}");
+}

@@ -1,0 +1,241 @@
+//! Which share of one element another sees.
+
+use std::borrow::Cow;
+
+use farfield::Real;
+use glam::DVec3;
+
+use crate::elements::{Element, Projections, Surfel};
+use crate::numbers::{in_cube, mixed};
+use crate::occlusion::occluders::Occluders;
+use crate::occlusion::shapes::{POINTS, Shape, Shapes};
+
+/// What hides, and the elements that are hidden. Of elements whose shapes are known, rays go from all over one
+/// to all over the other; others are their centroids.
+#[derive(Clone, Debug)]
+pub(crate) struct Sights<'a> {
+    pub(crate) occluders: &'a Occluders,
+    shapes: Option<Shapes>,
+}
+
+/// A segment between two points on these faces.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Segment {
+    pub(crate) ends: [DVec3; 2],
+    pub(crate) faces: [u32; 2],
+}
+
+/// Pairs of which one receives no more of its light from the other have one ray, between points at random:
+/// what that is off by is lost among many such pairs. Others have [`POINTS`] rays.
+const WEAK: f64 = 1.0 / 4096.0;
+
+impl<'a> Sights<'a> {
+    pub(crate) fn of_points(occluders: &'a Occluders) -> Self {
+        Self { occluders, shapes: None }
+    }
+
+    pub(crate) fn of_elements(occluders: &'a Occluders, elements: &[Element]) -> Self {
+        Self { occluders, shapes: Some(Shapes::new(elements)) }
+    }
+
+    /// Whether elements are their centroids.
+    pub(crate) fn are_points(&self) -> bool {
+        self.shapes.is_none()
+    }
+
+    /// The shapes of some surfels.
+    pub(crate) fn shapes_of<T: Real>(&self, surfels: &[Surfel<T>]) -> Vec<Shape> {
+        surfels.iter().map(|surfel| *self.shape_of(surfel)).collect()
+    }
+
+    /// The shape of a surfel.
+    pub(crate) fn shape_of<T: Real>(&self, surfel: &Surfel<T>) -> Cow<'_, Shape> {
+        let known = self.shapes.as_ref().and_then(|shapes| shapes.of(surfel));
+        known.map_or_else(|| Cow::Owned(Shape::point(surfel)), Cow::Borrowed)
+    }
+
+    /// The share of two surfels that sees the other, by the rays of [`rays`](Self::rays).
+    pub(crate) fn share<T: Real>(&self, x: &Surfel<T>, y: &Surfel<T>) -> (f64, usize) {
+        let shapes = [self.shape_of(x), self.shape_of(y)];
+        let faces = [x.face, y.face];
+        let (mut passed, mut all) = (0, 0);
+        for ends in rays([&shapes[0], &shapes[1]], is_weak(&Projections::new(x, y))).iter() {
+            all += 1;
+            passed += usize::from(!self.occluders.blocked(ends[0], ends[1], faces));
+        }
+        (passed as f64 / all as f64, all)
+    }
+
+    /// The share of what two elements near each other exchange that is unhidden: by many rays, each counting
+    /// as much as it carries, where a few disagree.
+    pub(crate) fn close_share(&self, numbers: [usize; 2], elements: [&Element; 2]) -> f64 {
+        let [x, y] = elements.map(Element::surfel);
+        let passes = |[p, q]: [DVec3; 2]| !self.occluders.blocked(p, q, [x.face, y.face]);
+        let shape = |k: usize| {
+            let known = self.shapes.as_ref().and_then(|shapes| shapes.get(numbers[k]));
+            known.copied().unwrap_or_else(|| Shape::point(elements[k].surfel()))
+        };
+        let few = rays([&shape(0), &shape(1)], false);
+        let (all, passed) = (few.len(), few.iter().filter(|&&ends| passes(ends)).count());
+        if passed == 0 || passed == all {
+            return f64::from(u8::from(passed > 0));
+        }
+        // From the first to the second of the two, whichever way they are given.
+        let [a, b] = if numbers[0] <= numbers[1] { [0, 1] } else { [1, 0] };
+        let turn = mixed((numbers[a] as u64) << 32 | numbers[b] as u64);
+        let (mut carried, mut sum) = (0.0, 0.0);
+        for ray in 0..CLOSE_RAYS {
+            let [u, v, w, t] = in_cube(ray, turn);
+            let ends = [elements[a].point_at([u, v]), elements[b].point_at([w, t])];
+            let d = ends[1] - ends[0];
+            let cosines = [a, b].map(|k| elements[k].surfel().normal.dot(d));
+            let weight = cosines[0].max(0.0) * (-cosines[1]).max(0.0) / d.length_squared().powi(2);
+            if weight > 0.0 {
+                sum += weight;
+                carried += if passes(ends) { weight } else { 0.0 };
+            }
+        }
+        if sum > 0.0 { carried / sum } else { 1.0 }
+    }
+}
+
+/// Rays between two elements near each other that see part of each other.
+const CLOSE_RAYS: usize = 64;
+
+/// Whether two surfels exchange so little that one ray is enough.
+pub(crate) fn is_weak<T: Real>(pair: &Projections<T>) -> bool {
+    pair.kernel().as_f64() * pair.area.as_f64() <= WEAK
+}
+
+/// The ends of the rays between two shapes, the same for both orders but for theirs: from each point of one
+/// to another point of the other, as far as these face each other, or one of them if the pair is `weak`. One
+/// between their middles if none does, and between points.
+pub(crate) fn rays([a, b]: [&Shape; 2], weak: bool) -> Rays {
+    let in_order = a.number <= b.number;
+    let (low, high) = if in_order { (a, b) } else { (b, a) };
+    let middle = |shape: &Shape| shape.points.iter().sum::<DVec3>() / POINTS as f64;
+    let mut rays = Rays { ends: [[DVec3::ZERO; 2]; POINTS], count: 0 };
+    let mut add = |p: DVec3, q: DVec3| {
+        rays.ends[rays.count] = if in_order { [p, q] } else { [q, p] };
+        rays.count += 1;
+    };
+    if high.number == u32::MAX {
+        add(low.points[0], high.points[0]);
+        return rays;
+    }
+    let key = mixed(u64::from(low.number) << 32 | u64::from(high.number)) as usize;
+    let [turn, start] = [key % POINTS, key / POINTS % POINTS];
+    let mut left = if weak { 1 } else { POINTS };
+    for k in 0..POINTS {
+        let from = (start + k) % POINTS;
+        let (p, q) = (low.points[from], high.points[(from + turn) % POINTS]);
+        // What is below a horizon is not hidden: the kernel leaves it out.
+        if left > 0 && low.normal.dot(q - p) > 0.0 && high.normal.dot(p - q) > 0.0 {
+            add(p, q);
+            left -= 1;
+        }
+    }
+    if rays.count == 0 {
+        rays.ends[0] =
+            if in_order { [middle(low), middle(high)] } else { [middle(high), middle(low)] };
+        rays.count = 1;
+    }
+    rays
+}
+
+/// The ends of some rays.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Rays {
+    ends: [[DVec3; 2]; POINTS],
+    count: usize,
+}
+
+impl std::ops::Deref for Rays {
+    type Target = [[DVec3; 2]];
+
+    fn deref(&self) -> &Self::Target {
+        &self.ends[..self.count]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::elements::{Patch, Scene};
+
+    /// Two unit squares at a distance, and a screen half-way that reaches over part of it.
+    fn scene(screen: f64) -> Scene {
+        let [x, y, z] = DVec3::AXES;
+        let mut scene = Scene::new();
+        scene.add_quad([DVec3::ZERO, x, x + y, y], 1, 1);
+        scene.add_quad([z, z + y, z + x + y, z + x], 1, 1);
+        let [middle, far] = [0.5 * z - y * 9.0, 0.5 * z + y * 9.0];
+        let [low, high] = [-9.0 * x, x * screen];
+        scene.add_quad([middle + low, middle + high, far + high, far + low], 0, 0);
+        scene
+    }
+
+    #[test]
+    fn shares_are_those_of_areas_and_the_same_from_both_ends() {
+        let mut error = 0.0;
+        for k in 0..=20 {
+            let edge = -0.5 + 0.1 * f64::from(k);
+            let scene = scene(edge);
+            let occluders = Occluders::new(&scene.triangles).unwrap();
+            let sights = Sights::of_elements(&occluders, &scene.elements);
+            let [a, b] = [&scene.elements[0], &scene.elements[1]];
+            let [x, y] = [a.surfel(), b.surfel()];
+            let share = sights.share(x, y);
+            assert_eq!(share, sights.share(y, x));
+            assert_eq!(share.1, POINTS);
+            let close = sights.close_share([0, 1], [a, b]);
+            assert_eq!(close, sights.close_share([1, 0], [b, a]));
+            // The middle of a segment between random points of both is below the edge.
+            let exact = match edge {
+                ..0.0 => 1.0,
+                ..0.5 => 1.0 - 2.0 * edge * edge,
+                ..1.0 => 2.0 * (1.0 - edge).powi(2),
+                _ => 0.0,
+            };
+            error += (close - exact) / 21.0;
+            assert!((close - exact).abs() < 0.2 && (share.0 - exact).abs() < 0.6, "{edge}");
+            // Between centroids all is seen or nothing.
+            let centroids = Sights::of_points(&occluders);
+            let (all, rays) = centroids.share(x, y);
+            assert!((all == 0.0 || all == 1.0) && rays == 1);
+            assert_eq!(centroids.close_share([0, 1], [a, b]), all);
+        }
+        assert!(error.abs() < 0.03, "{error}");
+    }
+
+    #[test]
+    fn what_is_below_a_horizon_is_not_hidden() {
+        // A floor that reaches under the wall that stands on it, and a block behind that.
+        let [x, y, z] = DVec3::AXES;
+        let mut scene = Scene::new();
+        scene.add_quad([-x, x, x + y, y - x], 1, 1);
+        scene.add_quad([DVec3::ZERO, y, y + z, z], 1, 1);
+        scene.add_quad([-0.1 * x, y - 0.1 * x, y + z - 0.1 * x, z - 0.1 * x], 0, 0);
+        let occluders = Occluders::new(&scene.triangles).unwrap();
+        let sights = Sights::of_elements(&occluders, &scene.elements);
+        let [a, b] = [&scene.elements[0], &scene.elements[1]];
+        assert_eq!(sights.share(a.surfel(), b.surfel()).0, 1.0);
+        assert_eq!(sights.close_share([0, 1], [a, b]), 1.0);
+    }
+
+    #[test]
+    fn elements_are_found_by_their_surfels_and_weak_pairs_have_one_ray() {
+        let [x, y, z] = DVec3::AXES;
+        let patch = |at: DVec3| Patch::new(&[at, at + x, at + x + y, at + y]).unwrap();
+        let elements = [0.0, 1e3].map(|h| Element::patch(patch(z * h), 0));
+        let occluders = Occluders::new(&[]).unwrap();
+        let sights = Sights::of_elements(&occluders, &elements);
+        for (i, element) in elements.iter().enumerate() {
+            assert_eq!(sights.shape_of(element.surfel()).number as usize, i);
+        }
+        let [a, b] = [0, 1].map(|k| *elements[k].surfel());
+        let turned = Surfel { normal: -b.normal, ..b };
+        assert_eq!(sights.shape_of(&turned).number, u32::MAX);
+        assert_eq!(sights.share(&a, &b), (1.0, 1));
+    }
+}

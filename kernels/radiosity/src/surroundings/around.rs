@@ -1,0 +1,331 @@
+//! What all elements of a scene see, and which of them close rooms.
+
+use rayon::prelude::*;
+
+use crate::elements::Element;
+use crate::occlusion::Occluders;
+use crate::surroundings::seen::{End, Seen, look};
+use crate::surroundings::sides::Sides;
+
+/// What elements see by rays: fronts of others, backs, the sky; and which of them are parts of closed rooms.
+///
+/// Rays need no form factors, so these can be held against them: [`row_error`](Self::row_error).
+#[derive(Clone, Debug)]
+pub struct Surroundings<'a> {
+    elements: &'a [Element],
+    occluders: &'a Occluders,
+    sides: Sides,
+    /// By two sets of rays that know nothing of each other.
+    seen: Vec<[Seen; 2]>,
+    parts: Vec<Option<u32>>,
+}
+
+/// Rays from all elements of a part together that find no way out of it, at least.
+const CLOSED_RAYS: usize = 1 << 14;
+
+impl<'a> Surroundings<'a> {
+    /// Those of `elements` among `occluders`, by about `rays` rays from each of them.
+    ///
+    /// Elements that see each other, directly or by way of others, make up a part. It is closed if no ray
+    /// from any of its elements ends at a back or in the sky. O(N · rays) steps through the hierarchy of
+    /// the occluders.
+    pub fn new(elements: &'a [Element], occluders: &'a Occluders, rays: usize) -> Self {
+        let sides = Sides::new(elements);
+        let look = |i: usize, rays: usize| {
+            let mut fronts = Vec::new();
+            let seen = [0, 1].map(|set| {
+                let half = rays.div_ceil(2).max(1);
+                seen_by(&elements[i], &sides, occluders, [half, 2 * i + set], |side| {
+                    if !fronts.contains(&side) {
+                        fronts.push(side);
+                    }
+                })
+            });
+            Look { seen, fronts }
+        };
+        let mut looks: Vec<Look> =
+            (0..elements.len()).into_par_iter().map(|i| look(i, rays)).collect();
+        // A gap is found by the rays of all of a part: a part of few elements needs more from each.
+        let parts = closed_parts(&sides, &looks);
+        let mut sizes = vec![0; parts.iter().flatten().max().map_or(0, |&part| part as usize + 1)];
+        parts.iter().flatten().for_each(|&part| sizes[part as usize] += 1);
+        looks.par_iter_mut().enumerate().for_each(|(i, found)| {
+            if let Some(part) = parts[i] {
+                let needed = CLOSED_RAYS.div_ceil(sizes[part as usize]);
+                if needed > rays {
+                    *found = look(i, needed);
+                }
+            }
+        });
+        let parts = closed_parts(&sides, &looks);
+        let seen = looks.into_iter().map(|look| look.seen).collect();
+        Self { elements, occluders, sides, seen, parts }
+    }
+
+    /// The closed part that each element belongs to, numbered from 0; none for elements of parts that lose
+    /// light. Fit for [`close_parts`](crate::RadiosityOperator::close_parts).
+    pub fn closed_parts(&self) -> &[Option<u32>] {
+        &self.parts
+    }
+
+    /// What an element sees, by the rays that there were.
+    pub fn seen(&self, element: usize) -> Seen {
+        let [a, b] = self.seen[element];
+        Seen {
+            fronts: 0.5 * (a.fronts + b.fronts),
+            backs: 0.5 * (a.backs + b.backs),
+            sky: 0.5 * (a.sky + b.sky),
+        }
+    }
+
+    /// What all elements see together, by their areas.
+    pub fn mean(&self) -> Seen {
+        let (mut mean, mut area) = (Seen::default(), 0.0);
+        for (i, element) in self.elements.iter().enumerate() {
+            let (own, seen) = (element.surfel().area, self.seen(i));
+            mean.fronts += own * seen.fronts;
+            mean.backs += own * seen.backs;
+            mean.sky += own * seen.sky;
+            area += own;
+        }
+        let share = |sum: f64| if area > 0.0 { sum / area } else { 0.0 };
+        Seen { fronts: share(mean.fronts), backs: share(mean.backs), sky: share(mean.sky) }
+    }
+
+    /// What an element sees, by so many rays of its own.
+    pub fn look(&self, element: usize, rays: usize) -> Seen {
+        let Self { elements, occluders, sides, .. } = self;
+        let turn = 2 * elements.len() + element;
+        seen_by(&elements[element], sides, occluders, [rays.max(1), turn], |_| ())
+    }
+
+    /// How far rows of form factors are off, in the root mean square over the area: their sums held against
+    /// the shares of rays that end at fronts. 0 if that is less than rays can tell.
+    ///
+    /// The two sets of rays err independently, so their errors cancel in the product of both differences.
+    pub fn row_error(&self, row_sums: &[f64]) -> f64 {
+        let (mut square, mut area) = (0.0, 0.0);
+        for ((element, sum), [a, b]) in self.elements.iter().zip(row_sums).zip(&self.seen) {
+            let own = element.surfel().area;
+            square += own * (sum - a.fronts) * (sum - b.fronts);
+            area += own;
+        }
+        if area > 0.0 { (square / area).max(0.0).sqrt() } else { 0.0 }
+    }
+}
+
+/// What an element sees by two sets of rays, and which fronts.
+struct Look {
+    seen: [Seen; 2],
+    fronts: Vec<u32>,
+}
+
+/// The closed part of each element, numbered one after the other.
+fn closed_parts(sides: &Sides, looks: &[Look]) -> Vec<Option<u32>> {
+    let mut groups = Union::new(sides.count());
+    for (i, look) in looks.iter().enumerate() {
+        look.fronts.iter().for_each(|&front| groups.join(sides.of_element(i), front));
+    }
+    let mut closed = vec![true; sides.count()];
+    for (i, look) in looks.iter().enumerate() {
+        let group = groups.root(sides.of_element(i)) as usize;
+        closed[group] &= look.seen.iter().all(|seen| seen.backs == 0.0 && seen.sky == 0.0);
+    }
+    let mut numbers: Vec<Option<u32>> = vec![None; sides.count()];
+    let mut count = 0;
+    let number = |i: usize| {
+        let group = groups.root(sides.of_element(i)) as usize;
+        if closed[group] && numbers[group].is_none() {
+            numbers[group] = Some(count);
+            count += 1;
+        }
+        numbers[group]
+    };
+    (0..looks.len()).map(number).collect()
+}
+
+/// What an element sees by so many rays of some turn; `front` is told of every side that it sees.
+fn seen_by(
+    element: &Element,
+    sides: &Sides,
+    occluders: &Occluders,
+    [rays, turn]: [usize; 2],
+    mut front: impl FnMut(u32),
+) -> Seen {
+    let (mut fronts, mut backs, mut sky) = (0u32, 0u32, 0u32);
+    look(element, sides, occluders, [rays, turn], |end| match end {
+        End::Front(side) => {
+            fronts += 1;
+            front(side);
+        }
+        End::Back => backs += 1,
+        End::Sky => sky += 1,
+    });
+    let [fronts, backs, sky] = [fronts, backs, sky].map(|count| f64::from(count) / rays as f64);
+    Seen { fronts, backs, sky }
+}
+
+/// Numbers that are joined to groups (Tarjan, "Efficiency of a good but not linear set union algorithm",
+/// J. ACM 22, 1975).
+struct Union {
+    parents: Vec<u32>,
+}
+
+impl Union {
+    fn new(count: usize) -> Self {
+        Self { parents: (0..count as u32).collect() }
+    }
+
+    /// What stands for the group of a number.
+    fn root(&mut self, number: u32) -> u32 {
+        let mut at = number;
+        while self.parents[at as usize] != at {
+            let next = self.parents[at as usize];
+            self.parents[at as usize] = self.parents[next as usize];
+            at = next;
+        }
+        at
+    }
+
+    fn join(&mut self, a: u32, b: u32) {
+        let (a, b) = (self.root(a), self.root(b));
+        // The same whatever the order in which groups are joined.
+        self.parents[a.max(b) as usize] = a.min(b);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::elements::{Scene, furnace, two_rooms};
+    use glam::DVec3;
+
+    const RAYS: usize = 2000;
+
+    /// A quadrilateral, its front towards u × v.
+    fn quad(origin: DVec3, u: DVec3, v: DVec3) -> [DVec3; 4] {
+        [origin, origin + u, origin + u + v, origin + v]
+    }
+
+    /// A box seen from outside.
+    fn add_body(scene: &mut Scene, low: DVec3, size: DVec3) {
+        let [x, y, z] = [DVec3::X * size.x, DVec3::Y * size.y, DVec3::Z * size.z];
+        for (u, v, w) in [(x, y, z), (y, z, x), (z, x, y)] {
+            scene.add_quad(quad(low, v, u), 1, 1);
+            scene.add_quad(quad(low + w, u, v), 1, 1);
+        }
+    }
+
+    fn around<T>(scene: &Scene, test: impl FnOnce(Surroundings<'_>) -> T) -> T {
+        let occluders = Occluders::new(&scene.triangles).unwrap();
+        test(Surroundings::new(&scene.elements, &occluders, RAYS))
+    }
+
+    #[test]
+    fn a_floor_sees_past_the_back_of_its_roof() {
+        let [x, y, z] = DVec3::AXES;
+        for (roof, exact) in [
+            (quad(z, x, y), Seen { fronts: 0.0, backs: 0.19982, sky: 0.80018 }),
+            (quad(z, y, x), Seen { fronts: 0.19982, backs: 0.0, sky: 0.80018 }),
+        ] {
+            let mut scene = Scene::new();
+            scene.add_quad(quad(DVec3::ZERO, x, y), 1, 1);
+            scene.add_quad(roof, 1, 1);
+            let seen = around(&scene, |around| [around.seen(0), around.look(0, 4000)]);
+            for seen in seen {
+                assert!((seen.fronts - exact.fronts).abs() < 5e-3, "{seen:?}");
+                assert!((seen.backs - exact.backs).abs() < 5e-3, "{seen:?}");
+                assert!((seen.sky - exact.sky).abs() < 5e-3, "{seen:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn faces_that_abut_or_rest_on_each_other_see_no_sky_and_sheets_do() {
+        // Two bodies that share a face, on a ground.
+        let mut scene = Scene::new();
+        add_body(&mut scene, DVec3::ZERO, DVec3::ONE);
+        add_body(&mut scene, DVec3::X, DVec3::ONE);
+        scene.add_quad(quad(DVec3::new(-2.0, -2.0, 0.0), DVec3::X * 6.0, DVec3::Y * 5.0), 1, 1);
+        around(&scene, |around| {
+            for (i, element) in scene.elements.iter().enumerate().take(12) {
+                let surfel = element.surfel();
+                let shared = surfel.position.x == 1.0 && surfel.normal.x != 0.0;
+                let below = surfel.position.z == 0.0;
+                let seen = around.seen(i);
+                let buried = Seen { backs: 1.0, ..Seen::default() };
+                assert_eq!(seen == buried, shared || below, "{surfel:?} {seen:?}");
+                assert!((shared || below) || seen.sky > 0.4);
+            }
+        });
+        // The two sides of one sheet, turned; the same as two faces back to back, and as one over another.
+        let tilt = DVec3::new(0.8, 0.6, 0.0);
+        let (front, back) = (quad(DVec3::ZERO, tilt, DVec3::Z), quad(DVec3::ZERO, DVec3::Z, tilt));
+        let mut sheet = Scene::new();
+        sheet.add_quad(front, 2, 2);
+        sheet.add_quad(back, 2, 2);
+        let all_sky = Seen { sky: 1.0, ..Seen::default() };
+        around(&sheet, |around| assert!((0..8).all(|i| around.seen(i) == all_sky)));
+    }
+
+    #[test]
+    fn rooms_are_closed_each_by_itself() {
+        let rooms = two_rooms(2);
+        let parts = around(&rooms, |around| around.closed_parts().to_vec());
+        assert_eq!(parts, [vec![Some(0); 24], vec![Some(1); 24]].concat());
+        // A body beside a furnace is none, one inside belongs to it.
+        let mut scene = furnace(2);
+        add_body(&mut scene, DVec3::splat(3.0), DVec3::ONE);
+        add_body(&mut scene, DVec3::splat(0.4), DVec3::splat(0.2));
+        let parts = around(&scene, |around| around.closed_parts().to_vec());
+        assert_eq!(parts, [vec![Some(0); 24], vec![None; 6], vec![Some(0); 6]].concat());
+        // A room of which one panel is turned, and one that lacks one.
+        let mut turned = furnace(2);
+        let open = |scene: &Scene| {
+            around(scene, |around| around.closed_parts().iter().all(Option::is_none))
+        };
+        assert!(!open(&furnace(2)));
+        turned.elements.retain(|element| element.surfel().face != 2);
+        assert!(open(&turned));
+        turned.triangles.retain(|triangle| triangle.face != 2);
+        assert!(open(&turned));
+    }
+
+    #[test]
+    fn a_small_gap_is_found_by_many_rays_from_few_elements() {
+        // A lid of the room's size less a hundredth, in six elements that have few rays each.
+        let mut scene = furnace(1);
+        scene.elements.pop();
+        scene.triangles.retain(|triangle| triangle.face != 5);
+        let [x, y] = [DVec3::X, DVec3::Y];
+        scene.add_quad(quad(DVec3::Z, 0.99 * y, x), 1, 1);
+        let occluders = Occluders::new(&scene.triangles).unwrap();
+        let around = Surroundings::new(&scene.elements, &occluders, 4);
+        assert_eq!(around.closed_parts(), [None; 6]);
+        let mean = around.mean();
+        assert!((0.0..0.01).contains(&mean.sky) && mean.backs == 0.0, "{mean:?}");
+        assert!((mean.fronts + mean.sky - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn errors_of_rows_are_told_from_the_noise_of_rays() {
+        let [x, y, z] = DVec3::AXES;
+        let mut scene = Scene::new();
+        scene.add_quad(quad(DVec3::ZERO, x, y), 8, 8);
+        scene.add_quad(quad(z, y, x), 8, 8);
+        let occluders = Occluders::new(&scene.triangles).unwrap();
+        let around = Surroundings::new(&scene.elements, &occluders, 64);
+        let exact = |i: usize| -> f64 {
+            let patch = scene.elements[i].as_patch().unwrap();
+            let others = scene.elements.iter().filter_map(|e| e.as_patch());
+            others.map(|other| patch.form_factor(other)).sum()
+        };
+        let rows: Vec<f64> = (0..128).map(exact).collect();
+        assert!(around.row_error(&rows) < 6e-3, "{}", around.row_error(&rows));
+        for error in [0.02, -0.1] {
+            let off: Vec<f64> = rows.iter().map(|row| row + error).collect();
+            let found = around.row_error(&off);
+            assert!((0.7..1.4).contains(&(found / error.abs())), "{found}");
+        }
+    }
+}
