@@ -154,9 +154,10 @@ fn where_nothing_emits_there_are_form_factors_and_no_solution() {
         assert!(message.starts_with("farfield radiosity: warning: nothing in the scene emits"));
         let report = report(&folder.path().join("out"));
         assert_eq!(kinds(&report), ["nothing-emits"]);
-        for unknown in ["residual", "energy_residual", "element_error"] {
+        for unknown in ["residual", "energy_residual", "element_error", "relative_l2_error"] {
             assert!(report[unknown].is_null(), "{unknown}: {}", report[unknown]);
         }
+        assert!(report["factor_l2_error"].as_f64().is_some_and(|error| error < 0.01), "{report}");
         let table = fs::read_to_string(folder.path().join("f.csv")).expect("written");
         let of_row = |row: &str, column: &str| -> f64 {
             let lines = table.lines().filter(|line| line.starts_with(&format!("{row},")));
@@ -324,6 +325,18 @@ fn a_room_that_is_not_closed_is_refused_by_place_and_per_cent() {
     );
     assert!(message.contains(" of open.toml, of material `w`, around ("), "{message}");
     assert!(message.contains("change by +") && message.contains("allowed are ±50 %"), "{message}");
+}
+
+#[test]
+fn the_relative_error_of_no_light_is_unknown() {
+    // A lamp that nothing is in front of.
+    let lamp = "[[quad]]\ncorners = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]\nmaterial = \"w\"\n\
+        [materials.w]\nreflectance = [0.5]\nemission = [1.0]\n";
+    let (code, message, folder) = run_on(&[("a.toml", lamp)], "--elements 100 --no-picture");
+    assert_eq!(code, Some(0), "{message}");
+    let report = report(&folder.path().join("out"));
+    assert!(report["relative_l2_error"].is_null() && report["element_error"].is_null(), "{report}");
+    assert!(report["residual"].as_f64().is_some() && kinds(&report).is_empty());
 }
 
 #[test]

@@ -107,6 +107,32 @@ fn damaged_scenes_are_read_or_refused() {
 }
 
 #[test]
+fn damaged_material_files_are_read_or_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [mesh, materials] = ["damaged.obj", "damaged.mtl"].map(|name| folder.path().join(name));
+    fs::write(&mesh, OBJ.replacen("mtllib", "mtllib none.mtl", 1)).expect("written");
+    let sample =
+        "newmtl red # wall\nKd 1 .1 \\\n.1\nKe 0 0 0\nnewmtl red\nKd .5 # grey\n".as_bytes();
+    let (mut accepted, mut refused) = (0, 0);
+    for_each_damaged(&[sample], COPIES, |seed, bytes| {
+        fs::write(&materials, bytes).expect("written");
+        let read = catch_unwind(|| load(&mesh.to_string_lossy()));
+        match read.unwrap_or_else(|_| panic!("seed {seed}: {:?}", bytes.escape_ascii().to_string()))
+        {
+            Ok(scene) => {
+                assert!(scene.missing.contains(&"material file `none.mtl` not found".to_owned()));
+                accepted += 1;
+            }
+            Err(error) => {
+                assert!(!error.to_string().is_empty());
+                refused += 1;
+            }
+        }
+    });
+    assert!(accepted > 0 && refused > 0, "{accepted} {refused}");
+}
+
+#[test]
 fn damage_is_the_same_for_a_seed_and_differs_between_seeds() {
     let copies: Vec<Vec<u8>> = (0..100).map(|seed| damaged(seed, OBJ.as_bytes())).collect();
     assert_eq!(copies[7], damaged(7, OBJ.as_bytes()));

@@ -13,8 +13,10 @@ use super::solve::Exchange;
 pub(crate) struct Check {
     /// Number of elements at which light was summed directly.
     pub(crate) sampled: usize,
-    /// Relative l2 error of the gathered light there, all bands together.
+    /// Relative l2 error of the gathered light there, all bands together; 0 where there is none.
     pub(crate) relative_l2_error: f64,
+    /// Whether no light arrives there, by either sum: then a relative error says nothing.
+    pub(crate) is_dark: bool,
     /// Seconds to find out for all pairs of elements which see each other, extrapolated.
     pub(crate) visibility_s: f64,
     /// Seconds to sum once over all pairs that do, extrapolated.
@@ -71,7 +73,8 @@ impl Check {
 
         let found: Vec<[f64; BANDS]> = sample.iter().map(|&i| gathered[i]).collect();
         let relative_l2_error = relative_l2_error(&found, &exact);
-        Self { sampled: sample.len(), relative_l2_error, visibility_s, sum_s }
+        let is_dark = found.iter().chain(&exact).flatten().all(|&h| h == 0.0);
+        Self { sampled: sample.len(), relative_l2_error, is_dark, visibility_s, sum_s }
     }
 }
 
@@ -109,6 +112,10 @@ mod tests {
             assert!(check(&exact).relative_l2_error < 1e-14);
             let brighter: Vec<_> = exact.iter().map(|h| h.map(|band| 1.01 * band)).collect();
             assert!((check(&brighter).relative_l2_error - 0.01).abs() < 1e-6);
+            let nothing = vec![[0.0]; exact.len()];
+            assert!(!check(&brighter).is_dark && !check(&nothing).is_dark);
+            let dark = Check::new(exchange, exchange.visibility, &nothing, &nothing, 100);
+            assert!(dark.is_dark);
         });
     }
 

@@ -28,6 +28,8 @@ pub(crate) enum Failure {
         100.0 * limit
     )]
     NotClosable { element: String, change: f64, limit: f64 },
+    #[error("{source}; it is {element}")]
+    Negative { element: String, source: farfield_radiosity::Error },
     #[error(transparent)]
     Output(#[from] OutputError),
     #[error(transparent)]

@@ -27,7 +27,8 @@ pub(crate) struct Figures {
     pub(crate) residual: Option<f64>,
     pub(crate) interrupted: bool,
     pub(crate) energy: Option<f64>,
-    pub(crate) error: f64,
+    pub(crate) error: Option<f64>,
+    pub(crate) factor_error: Option<f64>,
     pub(crate) check: Check,
     /// Sums over all pairs that the solution took.
     pub(crate) sums: usize,
@@ -82,6 +83,7 @@ impl Figures {
             interrupted: self.interrupted,
             energy_residual: self.energy,
             relative_l2_error: self.error,
+            factor_l2_error: self.factor_error,
             sampled_surfels: check.sampled,
             peak_memory_bytes: peak_memory_bytes(),
             phases: seconds,

@@ -82,9 +82,12 @@ pub(crate) struct Report {
     pub(crate) interrupted: bool,
     /// The share of the emitted power that is neither absorbed nor escapes; none where nothing is emitted.
     pub(crate) energy_residual: Option<f64>,
-    /// Relative l2 error of the irradiance against direct summation at the sampled elements; where nothing
-    /// emits, of the irradiance when everything emits alike.
-    pub(crate) relative_l2_error: f64,
+    /// Relative l2 error of the irradiance against direct summation at the sampled elements; none where
+    /// nothing emits, or no light arrives.
+    pub(crate) relative_l2_error: Option<f64>,
+    /// Where nothing emits, the same of what arrives when all elements emit alike: of the sums of their form
+    /// factors.
+    pub(crate) factor_l2_error: Option<f64>,
     /// Number of elements sampled for it.
     pub(crate) sampled_surfels: usize,
     /// The largest amount of memory that was in use; none where the system doesn't tell.
@@ -152,7 +155,7 @@ impl fmt::Display for Report {
         let percent = |share: f64| format!("{:.1} %", 100.0 * share);
         let per_element = self.rays as f64 / self.elements.max(1) as f64;
         let RowSums { min, max, rms_error } = self.row_sum;
-        let (error, tolerance) = (self.relative_l2_error, self.tolerance);
+        let tolerance = self.tolerance;
         let known = |number: Option<f64>| match number {
             Some(number) => format!("{number:.1e}"),
             None => "unknown".to_owned(),
@@ -203,7 +206,11 @@ impl fmt::Display for Report {
         }
         let sampled = self.sampled_surfels;
         let allowed = format!("(tolerance {tolerance:.0e}, at {sampled} elements)");
-        write!(f, "{:<22}{error:.1e} {allowed}", "relative l2 error")
+        let (what, error) = match self.factor_l2_error {
+            Some(error) => ("form factors off by", Some(error)),
+            None => ("relative l2 error", self.relative_l2_error),
+        };
+        write!(f, "{what:<22}{} {allowed}", known(error))
     }
 }
 

@@ -206,9 +206,7 @@ impl Run<'_> {
         let closure = if args.visibility == VisibilityName::None {
             Closure::default()
         } else {
-            operator
-                .close_parts(parts.clone(), MOST_CLOSURE)
-                .map_err(|error| self.not_closable(error))?
+            operator.close_parts(parts.clone(), MOST_CLOSURE).map_err(|error| self.placed(error))?
         };
         let closed_sums = operator.row_sums()?;
         let reciprocity_error = operator.reciprocity_error()?;
@@ -228,13 +226,16 @@ impl Run<'_> {
             row_sums: row_sums.clone(),
         };
         let (mut iterations, mut interrupted) = (0, false);
-        let (mut residual, mut energy, mut error) = (0.0f64, 0.0f64, 0.0f64);
+        let (mut residual, mut energy) = (0.0f64, 0.0f64);
+        let mut error: Option<f64> = None;
         let mut check = None;
         let mut checked = |radiosity: &[[f64; BANDS]]| {
             let _bar = progress.spinner("checking");
             let gathered = operator.apply(radiosity)?;
             let found = Check::new(&exchange, &pairwise, radiosity, &gathered, SAMPLES);
-            error = error.max(found.relative_l2_error);
+            if !found.is_dark {
+                error = Some(error.unwrap_or(0.0).max(found.relative_l2_error));
+            }
             check.get_or_insert(found);
             Ok::<_, Error>(())
         };
@@ -245,8 +246,8 @@ impl Run<'_> {
         }
         for first in (0..if is_dark { 0 } else { bands }).step_by(BANDS) {
             let optics = Optics::<BANDS>::new(scene, mesh, args.quantity.into(), bands, first);
-            let mut solution =
-                exchange.solve(&optics, args.solver, tolerance, progress, interrupt)?;
+            let solution = exchange.solve(&optics, args.solver, tolerance, progress, interrupt);
+            let mut solution = solution.map_err(|error| self.placed(error))?;
             if !solution.interrupted {
                 negative.take(&mut solution.irradiance, &surfels, tolerance)?;
             }
@@ -273,8 +274,9 @@ impl Run<'_> {
         let goes_on = too_coarse && !interrupt.is_asked();
         interrupted |= too_coarse && !goes_on;
         let check = check.expect("there is a band");
-        let accurate = error <= tolerance;
-        if !(accurate || interrupted || goes_on) {
+        if let Some(error) = error
+            && !(error <= tolerance || interrupted || goes_on)
+        {
             let sampled = check.sampled;
             return Err(Failure::Inaccurate { error, sampled, tolerance });
         }
@@ -322,7 +324,8 @@ impl Run<'_> {
             residual: solves.then_some(residual),
             interrupted,
             energy: solves.then_some(energy),
-            error,
+            error: error.filter(|_| solves),
+            factor_error: error.filter(|_| is_dark),
             check,
             sums,
             element_error: refinement.error,
@@ -350,12 +353,15 @@ impl Run<'_> {
         Some((mesh, solved))
     }
 
-    /// The failure of an exchange, with the place of what can't be closed.
-    fn not_closable(&self, error: Error) -> Failure {
+    /// The failure of an exchange or of its solution, with the place of the element that it concerns.
+    fn placed(&self, error: Error) -> Failure {
+        let place = |index| self.mesh.describe(self.scene, index);
         match error {
             Error::NotClosable { index, change, limit } => {
-                let element = self.mesh.describe(self.scene, index);
-                Failure::NotClosable { element, change, limit }
+                Failure::NotClosable { element: place(index), change, limit }
+            }
+            Error::NegativeRadiosity { index, .. } => {
+                Failure::Negative { element: place(index), source: error }
             }
             error => error.into(),
         }

@@ -101,6 +101,32 @@ mod tests {
     }
 
     #[test]
+    fn spirals_and_zigzags_of_twenty_thousand_corners_are_covered_once() {
+        let half = 10_000;
+        let spiral = |k: usize, width: f64| {
+            let turns = 20.0 * k as f64 / half as f64;
+            let (sin, cos) = (std::f64::consts::TAU * turns).sin_cos();
+            (1.0 + turns + width) * DVec3::new(cos, sin, 0.1 * cos)
+        };
+        let zigzag = |k: usize, width: f64| {
+            let (x, y) = (k as f64, 100.0 * (k % 2) as f64 + width);
+            DVec3::new(x, y, x - 2.0 * y)
+        };
+        let band = |edge: &dyn Fn(usize, f64) -> DVec3, inner: f64, outer: f64| -> Vec<DVec3> {
+            let there = (0..half).map(|k| edge(k, outer));
+            there.chain((0..half).rev().map(|k| edge(k, inner))).collect()
+        };
+        for corners in [band(&spiral, 0.0, 0.4), band(&zigzag, 0.5, 0.0)] {
+            let areas = areas(&corners);
+            let whole = vector_area(&corners);
+            assert!(areas.len() > corners.len() - 10 && areas.len() <= corners.len() - 2);
+            assert!(areas.iter().all(|area| area.dot(whole) > 0.0));
+            let sum: f64 = areas.iter().map(|area| area.dot(whole) / whole.length()).sum();
+            assert!((sum / whole.length() - 1.0).abs() < 1e-9);
+        }
+    }
+
+    #[test]
     fn what_is_no_proper_polygon_does_no_harm() {
         assert!(triangulate(&[]).is_empty());
         assert!(triangulate(&[DVec3::ZERO, DVec3::X]).is_empty());
