@@ -45,7 +45,7 @@ pub(crate) enum Failure {
         "the irradiance at {place:?} comes out as {found:.1e}, of a root mean square of {rms:.1e}: \
          expected no more below zero than the tolerance; nothing was written"
     )]
-    Negative { found: f64, place: [f64; 3], rms: f64 },
+    BelowZero { found: f64, place: [f64; 3], rms: f64 },
 }
 
 /// Warnings one after the other.

@@ -19,7 +19,7 @@ impl Negative {
     /// Takes what is below zero out of some irradiances.
     ///
     /// # Errors
-    /// [`Failure::Negative`] if one is further below zero than `tolerance` times the root mean square.
+    /// [`Failure::BelowZero`] if one is further below zero than `tolerance` times the root mean square.
     pub(crate) fn take<const BANDS: usize>(
         &mut self,
         irradiance: &mut [[f64; BANDS]],
@@ -35,7 +35,7 @@ impl Negative {
                 let found = h[band];
                 if found < -tolerance * rms {
                     let place = surfel.position.to_array();
-                    return Err(Failure::Negative { found, place, rms });
+                    return Err(Failure::BelowZero { found, place, rms });
                 }
                 if found < 0.0 {
                     self.count += 1;
