@@ -197,6 +197,12 @@ pub enum Error {
         /// What the mask says.
         found: f64,
     },
+    /// What a pair is said to take is not a time.
+    #[error("a pair is said to take {found} seconds: expected a number above 0")]
+    InvalidPairSeconds {
+        /// The number given.
+        found: f64,
+    },
     /// A leaf size of zero.
     #[error("leaf size 0: expected at least 1 point per leaf")]
     InvalidLeafSize,

@@ -15,7 +15,8 @@ pub struct Geometry<T: Real> {
     /// Which pairs of cells are carried: everything at first, then what the expansion
     /// [admitted](crate::Expansion::admits).
     pub admissibility: Admissibility,
-    /// Seconds of one core that [`prepare`](crate::Expansion::prepare) may take. An expansion that would take
+    /// Seconds of one core that [`prepare`](crate::Expansion::prepare) may take, with all that it took before
+    /// for more pairs of cells. An expansion that would take
     /// longer had better refuse with [`Error::OverWork`](crate::Error::OverWork) as soon as it sees that: where the engine may
     /// choose the scheme, it then sums directly.
     pub most_seconds: f64,

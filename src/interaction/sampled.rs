@@ -24,8 +24,9 @@ pub(crate) struct ListSample {
     pub(crate) treecode_pairs: f64,
 }
 
-/// Cells of a level that are looked at.
+/// Cells of a level that are looked at, and of all levels together, about.
 const CELLS: usize = 32;
+const ALL_CELLS: usize = 384;
 
 impl<T: Real> Traversal<'_, T> {
     /// Surveys every level of the target tree, and tells which share of the work of finding all lists
@@ -33,9 +34,10 @@ impl<T: Real> Traversal<'_, T> {
     /// directly. O(levels²), whatever the number of points.
     pub(crate) fn sample_lists(&self, m2p_pairs: usize) -> (Vec<ListSample>, f64) {
         let shape = &self.targets.shape;
+        let most = (ALL_CELLS / shape.levels().max(1)).clamp(4, CELLS);
         let level = |level: usize| {
             let cells = shape.level(level);
-            let count = cells.len().min(CELLS);
+            let count = cells.len().min(most);
             // From the middle of as many stretches of the level.
             let sampled = |k: usize| cells.start + (2 * k + 1) * cells.len() / (2 * count);
             let share = cells.len() as f64 / count as f64;
@@ -44,7 +46,7 @@ impl<T: Real> Traversal<'_, T> {
             found.iter().fold(ListSample::default(), |sum, cell| sum.with(share, cell))
         };
         // A cell is visited after all above it.
-        let visits = |level: usize| shape.level(level).len().min(CELLS) * (level + 1);
+        let visits = |level: usize| shape.level(level).len().min(most) * (level + 1);
         let visits: usize = (0..shape.levels()).map(visits).sum();
         let share = visits as f64 / shape.nodes.len().max(1) as f64;
         ((0..shape.levels()).map(level).collect(), share)

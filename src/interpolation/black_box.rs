@@ -39,6 +39,8 @@ pub struct Interpolation<K: Kernel> {
     pub(super) prepared: Prepared<K::Entry>,
     /// Which pairs of cells are carried.
     pub(super) admissibility: Admissibility,
+    /// Core seconds that went into preparing it, for all geometries.
+    pub(super) spent: f64,
     pub(super) scratch: Pool<Scratch<K>>,
     pub(super) shifted: Pool<Shifted<K::Entry>>,
 }
@@ -57,6 +59,7 @@ impl<K: Kernel> Interpolation<K> {
             accuracy,
             prepared: Prepared::Everywhere(Box::new(everywhere)),
             admissibility: Admissibility::default(),
+            spent: 0.0,
             scratch: Pool::default(),
             shifted: Pool::default(),
         }

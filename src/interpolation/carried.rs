@@ -93,8 +93,8 @@ fn offset(number: usize) -> [i32; 3] {
     [number / 49, number / 7 % 7, number % 7].map(|o| o as i32 - 3)
 }
 
-/// The number of an offset of up to three cells.
-fn number(offset: [i32; 3]) -> usize {
+/// The number of an offset of up to three cells, below 343.
+pub(crate) fn number(offset: [i32; 3]) -> usize {
     offset.iter().fold(0, |number, o| 7 * number + (o + 3) as usize)
 }
 

@@ -47,7 +47,7 @@ impl<K: Kernel> Expansion for Interpolation<K> {
         let block = |xs: &[Point<K::Real>], ys: &[Point<K::Real>], g: &mut [K::Entry]| {
             kernel.entries_block(xs, ys, g);
         };
-        let work = Work::new(geometry);
+        let work = Work::new(geometry, self.spent);
         let entries =
             Entries::new(kernel.fields(), kernel.densities(), &block).at_expense_of(&work);
         let block = |xs: &[Point<K::Real>], ys: &[Point<K::Real>], g: &mut [K::Entry]| {
@@ -63,8 +63,9 @@ impl<K: Kernel> Expansion for Interpolation<K> {
             code: K::entries as *const () as usize,
             has_parameters: kernel.has_parameters(),
         };
-        (self.prepared, self.admissibility) =
-            Prepared::new(name, &entries, slopes, self.accuracy, geometry)?;
+        let prepared = Prepared::new(name, &entries, slopes, self.accuracy, geometry);
+        self.spent = work.seconds();
+        (self.prepared, self.admissibility) = prepared?;
         self.scratch = Pool::default();
         Ok(())
     }

@@ -1,6 +1,5 @@
 //! The error of interpolating a far field between the nodes of a rule.
 
-use crate::error::Error;
 use crate::interpolation::chebyshev::Chebyshev;
 use crate::interpolation::entries::{Entries, norm_squared, zero};
 use crate::interpolation::far_field::{FarField, centre, products, slope_products};
@@ -78,23 +77,16 @@ impl<T: Real> FarField<T> {
     /// The error of interpolating at each offset, looked at more closely: from a grid of sources to random targets, and
     /// to a grid that covers what corners and edges may hide. The worst source counts, and for a part of what the mean
     /// does.
-    ///
-    /// # Errors
-    /// [`Error::OverWork`].
     pub(crate) fn closer_errors<S: Scalar<Real = T>>(
         &self,
         kernel: &Entries<'_, S>,
         rule: &Chebyshev<T>,
         scale: Scale,
-    ) -> Result<Vec<f64>, Error> {
-        let grid: Vec<Point<T>> = (0..27).map(grid_point::<T>).collect();
+    ) -> Vec<f64> {
+        let grid: Vec<Point<T>> = (0..GRID).map(grid_point::<T>).collect();
         let random: Vec<Point<T>> = (0..TEST_TARGETS).map(sample::<T>).collect();
         let interpolated = Interpolated { kernel, exact: kernel, rule, slopes: false };
-        let carried: Vec<usize> =
-            (0..INTERACTION_OFFSETS).filter(|&o| self.carried().has(self.offsets()[o])).collect();
-        let nodes = rule.len().pow(3);
-        let evaluations = carried.len() * grid.len() * 2 * nodes;
-        kernel.afford(evaluations as f64, (evaluations * TEST_TARGETS) as f64)?;
+        let carried = (0..INTERACTION_OFFSETS).filter(|&o| self.carried().has(self.offsets()[o]));
         let mut errors = vec![0.0; INTERACTION_OFFSETS];
         for o in carried {
             let sources: Vec<_> =
@@ -105,7 +97,19 @@ impl<T: Real> FarField<T> {
             let squared = largest([worst(&random), worst(&grid)]);
             errors[o] = scale.relative(Means::of([Some([squared; 2])])) / CLOSER;
         }
-        Ok(errors)
+        errors
+    }
+
+    /// The evaluations and multiply-adds that this takes with n nodes per axis.
+    pub(crate) fn closer_costs<S: Scalar<Real = T>>(
+        &self,
+        kernel: &Entries<'_, S>,
+        n: usize,
+    ) -> [f64; 2] {
+        let sources = GRID * self.offsets().iter().filter(|&&o| self.carried().has(o)).count();
+        let targets = GRID + TEST_TARGETS;
+        let products = sources * targets * n.pow(3) * kernel.fields * kernel.densities;
+        [(sources * (2 * n.pow(3) + targets)) as f64, products as f64]
     }
 
     fn relative_error<S: Scalar<Real = T>>(
@@ -204,7 +208,10 @@ pub(crate) fn test_costs<S: Scalar>(kernel: &Entries<'_, S>, n: usize) -> [f64; 
     [(sources * (n.pow(3) + TEST_TARGETS)) as f64, products as f64]
 }
 
-/// One of 27 points next to the border of [−1, 1]³ and in its centre. Between points on borders a kernel may be what
+/// Points of a grid that covers a cell.
+const GRID: usize = 27;
+
+/// One of [`GRID`] points next to the border of [−1, 1]³ and in its centre. Between points on borders a kernel may be what
 /// it is nowhere else.
 fn grid_point<T: Real>(k: usize) -> Point<T> {
     let place = |k: usize| T::from_f64(0.98 * (k as f64 - 1.0));

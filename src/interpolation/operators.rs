@@ -129,10 +129,14 @@ impl<S: Scalar> Operators<S> {
             }
             Accuracy::Tolerance(requested) => {
                 let closer = |rule: &Chebyshev<S::Real>| {
+                    let costs = fields.iter().map(|far| far.closer_costs(kernel, rule.len()));
+                    let [evaluations, products] =
+                        costs.fold([0.0; 2], |[e, p], [x, y]| [e + x, p + y]);
+                    kernel.afford_probes(evaluations, products)?;
                     let of_level = |(far, &scale): (&FarField<_>, &Scale)| {
                         far.closer_errors(kernel, rule, scale)
                     };
-                    fields.iter().zip(scales).map(of_level).collect()
+                    Ok(fields.iter().zip(scales).map(of_level).collect())
                 };
                 let order = order_of(requested, &fields, afford, errors, closer)?;
                 let accepted =

@@ -4,6 +4,7 @@ use crate::error::Error;
 use crate::expansion::admissibility::Admissibility;
 use crate::expansion::geometry::Level;
 use crate::interpolation::budget::INTERPOLATION_SHARE;
+use crate::interpolation::carried::number;
 use crate::interpolation::chebyshev::Chebyshev;
 use crate::interpolation::far_field::FarField;
 use crate::interpolation::means::{interaction_offsets, largest, weight};
@@ -50,12 +51,12 @@ impl Restriction {
             let index = index.min(self.offsets.len() - 1);
             let own = &self.offsets[index];
             let reflected = reflected(index);
-            let is_one = |image: [i32; 3]| {
-                interaction_offsets().zip(own).any(|(offset, &is_one)| is_one && offset == image)
-            };
-            for offset in interaction_offsets().zip(own).filter(|(_, own)| **own).map(|(o, _)| o) {
+            let own = || interaction_offsets().zip(own).filter(|(_, own)| **own).map(|(o, _)| o);
+            let mut is_one = [false; 343];
+            own().for_each(|offset| is_one[number(offset)] = true);
+            for offset in own() {
                 let images = images(offset, reflected);
-                if self.coverage == Coverage::Partial || images.iter().all(|&o| is_one(o)) {
+                if self.coverage == Coverage::Partial || images.iter().all(|&o| is_one[number(o)]) {
                     images.into_iter().for_each(|image| all.set(level.level, image, self.coverage));
                 }
             }

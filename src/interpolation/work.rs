@@ -16,6 +16,8 @@ use crate::numbers::traits::Real;
 pub(crate) struct Work {
     /// Core seconds.
     limit: f64,
+    /// Core seconds before the counts below.
+    spent: f64,
     /// Core seconds of an application.
     apply_limit: f64,
     /// Core seconds of one evaluation of the kernel.
@@ -27,10 +29,11 @@ pub(crate) struct Work {
 }
 
 impl Work {
-    /// What a plan of that geometry may cost.
-    pub(crate) fn new<T: Real>(geometry: &Geometry<T>) -> Self {
+    /// What a plan of that geometry may cost if so many core seconds have gone into it before.
+    pub(crate) fn new<T: Real>(geometry: &Geometry<T>, spent: f64) -> Self {
         Self {
             limit: geometry.most_seconds,
+            spent,
             apply_limit: geometry.most_apply_seconds,
             evaluation: ENTRY_PAIRS as f64 * geometry.pair_seconds,
             evaluations: AtomicU64::new(0),
@@ -87,11 +90,16 @@ impl Work {
 
     /// Whether they fit, beside what has been counted, into a share of the limit.
     fn within(&self, share: f64, evaluations: f64, multiply_adds: f64) -> Result<(), Error> {
-        let evaluations = evaluations + self.evaluations.load(Relaxed) as f64;
-        let multiply_adds = multiply_adds + self.multiply_adds.load(Relaxed) as f64;
-        let seconds = evaluations * self.evaluation + multiply_adds / SET_UP_FLOPS;
-        let (limit, needed) = (self.limit, seconds / share);
+        let more = evaluations * self.evaluation + multiply_adds / SET_UP_FLOPS;
+        let (limit, needed) = (self.limit, (self.seconds() + more) / share);
         if needed <= limit { Ok(()) } else { Err(Error::OverWork { limit, needed }) }
+    }
+
+    /// The core seconds that all that was counted comes to.
+    pub(crate) fn seconds(&self) -> f64 {
+        let evaluations = self.evaluations.load(Relaxed) as f64;
+        let multiply_adds = self.multiply_adds.load(Relaxed) as f64;
+        self.spent + evaluations * self.evaluation + multiply_adds / SET_UP_FLOPS
     }
 }
 
@@ -104,12 +112,13 @@ mod tests {
     #[test]
     fn what_is_too_much_is_refused_before_it_is_done() {
         let root = Cube::new(DVec3::ZERO, 1.0);
-        let work = Work::new(&Geometry {
+        let geometry = Geometry {
             most_seconds: 1.0,
             most_apply_seconds: 0.1,
             pair_seconds: 0.01 / ENTRY_PAIRS as f64,
             ..Geometry::new(root, Vec::new())
-        });
+        };
+        let work = Work::new(&geometry, 0.0);
         assert!(work.afford_application(9.0).is_ok() && work.afford_application(11.0).is_err());
         work.add_evaluations(50);
         assert!(work.afford(40.0, 0.05 * SET_UP_FLOPS).is_ok());
@@ -121,5 +130,8 @@ mod tests {
         // What was refused does not count.
         assert!(work.afford(0.0, 0.05 * SET_UP_FLOPS).is_ok());
         assert!(work.afford_probes(0.0, 0.0).is_err(), "probes had their share");
+        // What was spent before does.
+        let again = Work::new(&geometry, work.seconds());
+        assert!(again.afford(5.0, 0.0).is_ok() && again.afford(15.0, 0.0).is_err());
     }
 }

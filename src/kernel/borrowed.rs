@@ -66,6 +66,10 @@ impl<K: Kernel> Kernel for &K {
         (**self).has_parameters()
     }
 
+    fn pair_seconds(&self, tolerance: f64) -> f64 {
+        (**self).pair_seconds(tolerance)
+    }
+
     #[inline(always)]
     fn entry_gradients(
         &self,

@@ -7,6 +7,7 @@ use crate::error::Error;
 use crate::kernel::derivatives::{Derivatives, WithHessian};
 use crate::kernel::formula::{Formula, FormulaEntry};
 use crate::kernel::formula_block::FormulaBlock;
+use crate::kernel::formula_cost::pair_seconds;
 use crate::kernel::side_by_side::{Near, entries_side_by_side, slopes};
 use crate::kernel::traits::{Kernel, Outcome, add_fields, check_densities, columns_of_a_charge};
 use crate::kernel::with_gradient::WithGradient;
@@ -186,6 +187,10 @@ where
 
     fn has_parameters(&self) -> bool {
         size_of::<F>() > 0
+    }
+
+    fn pair_seconds(&self, _tolerance: f64) -> f64 {
+        pair_seconds::<F, P::Real>(&self.formula, self.columns(), S::GRADIENTS)
     }
 
     fn entry_gradients(

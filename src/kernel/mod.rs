@@ -7,6 +7,7 @@ pub(crate) mod derivatives;
 pub(crate) mod direct;
 pub(crate) mod formula;
 pub(crate) mod formula_block;
+pub(crate) mod formula_cost;
 pub(crate) mod formula_kernel;
 pub(crate) mod mask;
 pub(crate) mod pair_loop;

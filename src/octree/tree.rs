@@ -75,9 +75,10 @@ impl<T: Real> Bounds<T> {
         let chunks = parallel::map(points.len().div_ceil(CHUNK), &|chunk| {
             let points = &points[CHUNK * chunk..];
             let points = &points[..points.len().min(CHUNK)];
-            (Self::around(points), points.iter().all(finite))
+            let bounds = Self::around(points.iter().map(Located::position));
+            (bounds, points.iter().all(finite))
         });
-        let nothing = (Self::around::<P>(&[]), true);
+        let nothing = (Self::around(std::iter::empty()), true);
         let both = |(a, x): (Self, bool), (b, y)| (a.join(b), x && y);
         let (bounds, all_finite) = chunks.into_iter().fold(nothing, both);
         if all_finite {
@@ -86,6 +87,18 @@ impl<T: Real> Bounds<T> {
         let index = points.iter().take_while(|p| finite(p)).count();
         let position = points[index].position().to_array().map(Real::as_f64);
         Err(Error::NonFinitePosition { set, index, position })
+    }
+
+    /// The box around those finite points that `counts` holds for. O(N).
+    pub(crate) fn of<P: Located<Real = T>>(
+        points: &[P],
+        counts: &(dyn Fn(Point<T>) -> bool + Sync),
+    ) -> Self {
+        let chunks = parallel::map(points.len().div_ceil(CHUNK), &|chunk| {
+            let points = points[CHUNK * chunk..].iter().take(CHUNK).map(Located::position);
+            Self::around(points.filter(|p| counts(*p)))
+        });
+        chunks.into_iter().fold(Self::around(std::iter::empty()), Self::join)
     }
 
     /// The box around both.
@@ -109,7 +122,7 @@ impl<T: Real> Bounds<T> {
         let extents: [T; 3] =
             std::array::from_fn(|k| (high[k] - centre[k]).max(centre[k] - low[k]));
         let half_width = extents.into_iter().fold(T::from_f64(0.0), |a, b| a.max(b));
-        let limit = T::max_value() * T::from_f64(0.125);
+        let limit = largest_half_width::<T>();
         if half_width > limit {
             let extent = (0..3).map(|k| high[k].as_f64() - low[k].as_f64()).fold(0.0, f64::max);
             return Err(Error::ExtentTooLarge { extent, limit: 2.0 * limit.as_f64() });
@@ -122,17 +135,36 @@ impl<T: Real> Bounds<T> {
         Ok(Cube::new(Point::<T>::from_array(centre), half_width))
     }
 
+    /// A root cube of which that cube is a cell, around everything in the box; none if it would be too large.
+    /// The corner of the cell is the centre, so that both are numbers of few digits.
+    pub(crate) fn root_cube_around(&self, cell: &Cube<T>) -> Option<Cube<T>> {
+        let mut half_width = cell.half_width();
+        let centre = cell.centre() + Point::<T>::from_array([half_width; 3]);
+        let c = centre.to_array();
+        let reach = |k: usize| (self.high[k] - c[k]).max(c[k] - self.low[k]);
+        let farthest = reach(0).max(reach(1)).max(reach(2));
+        while half_width < farthest {
+            half_width *= T::from_f64(2.0);
+        }
+        (half_width <= largest_half_width()).then(|| Cube::new(centre, half_width))
+    }
+
     /// The box around finite points.
-    fn around<P: Located<Real = T>>(points: &[P]) -> Self {
+    fn around(points: impl Iterator<Item = Point<T>>) -> Self {
         let mut bounds = Self { low: [T::infinity(); 3], high: [T::neg_infinity(); 3] };
         for p in points {
-            for (k, x) in p.position().to_array().into_iter().enumerate() {
+            for (k, x) in p.to_array().into_iter().enumerate() {
                 bounds.low[k] = if x < bounds.low[k] { x } else { bounds.low[k] };
                 bounds.high[k] = if x > bounds.high[k] { x } else { bounds.high[k] };
             }
         }
         bounds
     }
+}
+
+/// The half-width up to which no sum of a few coordinates overflows.
+fn largest_half_width<T: Real>() -> T {
+    T::max_value() * T::from_f64(0.125)
 }
 
 /// Points per task of a sweep over all of them.

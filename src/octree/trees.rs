@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use crate::error::{Error, PointSet};
 use crate::numbers::traits::Located;
+use crate::octree::bulk::root_cube;
 use crate::octree::geometry::Cube;
 use crate::octree::tree::{Bounds, Tree};
 use crate::parallel;
@@ -30,7 +31,8 @@ impl<S: Located, X: Located<Real = S::Real>> Trees<S, X> {
         leaf_size: &dyn Fn() -> usize,
     ) -> Result<Self, Error> {
         let bounds = Bounds::new(PointSet::Sources, sources)?;
-        let root = bounds.join(Bounds::new(PointSet::Targets, targets)?).root_cube()?;
+        let bounds = bounds.join(Bounds::new(PointSet::Targets, targets)?);
+        let root = root_cube(&bounds, sources, targets)?;
         let leaf_size = leaf_size();
         if leaf_size == 0 {
             return Err(Error::InvalidLeafSize);

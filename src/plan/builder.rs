@@ -5,28 +5,23 @@ use std::fmt;
 use crate::dispatch_level::DispatchLevel;
 use crate::error::Error;
 use crate::expansion::admissibility::Admissibility;
-use crate::expansion::costs::Costs;
 use crate::expansion::geometry::Geometry;
 use crate::expansion::{Expansion, RealOf, SourceOf, TargetOf};
-use crate::interaction::cell_mask::{CellMask, PointMask, TreePoints};
 use crate::interaction::lists::Lists;
-use crate::interaction::traversal::{Far, Traversal};
 use crate::interpolation::black_box::Interpolation;
 use crate::kernel::mask::{Coverage, Mask, Unmasked};
 use crate::kernel::traits::Kernel;
 use crate::numbers::traits::{Located, Point};
 use crate::octree::trees::Trees;
 use crate::plan::choice::{Candidate, cheapest, correct, direct_unless_halved};
-use crate::plan::choices::Choices;
+use crate::plan::choices::{Choices, Pace};
 use crate::plan::estimate::Estimate;
 use crate::plan::fmm::Fmm;
-use crate::plan::forecast::Forecast;
 use crate::plan::guard::Guard;
 use crate::plan::norms::Norms;
-use crate::plan::pair_time::pair_seconds;
 use crate::plan::times::{BuildTimes, Clock, Phase, Progress};
 use crate::plan::trial::stands_trial;
-use crate::plan::tuning::{DOUBT, RESTRICTIONS, SET_UP_SECONDS, SHOWN_POINTS};
+use crate::plan::tuning::{RESTRICTIONS, SET_UP_SECONDS, SHOWN_POINTS};
 use crate::plan::{Plan, Scheme, levels};
 
 impl<K: Kernel> Fmm<Interpolation<K>> {
@@ -46,9 +41,9 @@ impl<E: Expansion> Fmm<E> {
 /// Collects the choices for a plan; every one has a default.
 #[must_use = "call `build`"]
 pub struct Builder<'a, E, M> {
-    expansion: E,
-    mask: M,
-    choices: Choices<'a>,
+    pub(super) expansion: E,
+    pub(super) mask: M,
+    pub(super) choices: Choices<'a>,
 }
 
 impl<K: Kernel, M> Builder<'_, Interpolation<K>, M> {
@@ -76,9 +71,8 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
     ///
     /// By default, whichever scheme's [applications](Fmm::apply) take the shortest time: expansions or,
     /// for few points, direct sums, which need no operators either. What they take is forecast from the
-    /// lists of a sample of the cells and the measured time of a pair. Where that leaves a doubt, the plan
-    /// is made and applied, and the correction found holds for all plans of its kind until the process
-    /// ends. With a [leaf size](Self::leaf_size) or a [mask](Self::mask), the default is [`Scheme::Fmm`].
+    /// lists of a sample of the cells and the [time of a pair](Self::pair_seconds). With a
+    /// [leaf size](Self::leaf_size) or a [mask](Self::mask), the default is [`Scheme::Fmm`].
     ///
     /// Whatever is chosen here, sums without a mask are direct where an expansion can't meet the tolerance
     /// or would take much longer to set up or to apply; [`Stats::fallback`](crate::Stats::fallback) then says why.
@@ -89,10 +83,8 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
 
     /// The largest number of points in a leaf.
     ///
-    /// By default the expansion [chooses](Costs::leaf_seconds) by the time that a pair of these
-    /// points takes, measured once in a process for each type of kernel and tolerance. Another
-    /// process or another machine may so come to another tree or scheme, and to sums that differ in
-    /// rounding and within the tolerance. A fixed leaf size makes them the same to the bit.
+    /// By default the expansion [chooses](Costs::leaf_seconds) by the
+    /// [time of a pair](Self::pair_seconds).
     pub fn leaf_size(mut self, leaf_size: usize) -> Self {
         self.choices.leaf_size = Some(leaf_size);
         self
@@ -102,6 +94,26 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
     /// that they save are not built, nor are those for [charges of unlike size](Fmm::apply).
     pub fn applications(mut self, applications: usize) -> Self {
         self.choices.applications = applications;
+        self
+    }
+
+    /// Seconds of one core that a pair takes if it is summed directly, about. By default the kernel
+    /// [says it](Kernel::pair_seconds). A closure is taken to need two nanoseconds: if yours needs much more, plans
+    /// are faster if you say so.
+    ///
+    /// Nothing that is measured decides about a plan. Another run on a processor with the same
+    /// [instructions](DispatchLevel) therefore comes to the same sums, bit by bit.
+    pub fn pair_seconds(mut self, seconds: f64) -> Self {
+        self.choices.pace = Pace::Stated(seconds);
+        self
+    }
+
+    /// Measures what a pair takes, once in a process for each type of kernel and tolerance. Where forecasts leave a
+    /// doubt about the scheme, the plan is made and applied, and the correction found holds for all plans of its
+    /// kind until the process ends. Plans are the fastest for this machine; another run may come to another tree
+    /// or scheme, and to sums that differ in rounding and within the tolerance.
+    pub fn tuned(mut self) -> Self {
+        self.choices.pace = Pace::Measured;
         self
     }
 
@@ -144,12 +156,14 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
     ) -> Result<Estimate, Error> {
         DispatchLevel::in_force()?;
         self.expansion.kernel().check_sizes()?;
+        self.choices.check()?;
         let (mut clock, mut tree_seconds) = (Clock::start(), 0.0);
         let trees = self.trees(sources, targets)?;
         clock.lap(&mut tree_seconds);
         let whole = Admissibility::default();
         let candidates = self.candidates(&trees, tree_seconds, &whole);
-        let (Candidate { scheme, estimate }, _) = cheapest(&self.expansion, &candidates);
+        let (Candidate { scheme, estimate }, _) =
+            cheapest(&self.expansion, &candidates, self.choices.pace);
         Ok(estimate.unwrap_or_else(|| self.estimate_of(scheme, &trees, tree_seconds, &whole)))
     }
 
@@ -167,6 +181,7 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
     ) -> Result<Fmm<E>, Error> {
         DispatchLevel::in_force()?;
         self.expansion.kernel().check_sizes()?;
+        self.choices.check()?;
         let (mut clock, mut times) = (Clock::start(), BuildTimes::default());
         self.report(Phase::Tree, 0.0);
         let mut trees = self.trees(sources, targets)?;
@@ -179,7 +194,7 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
         let (mut fallback, mut restrictions) = (None, 0);
         loop {
             let (Candidate { scheme, mut estimate }, doubted) =
-                cheapest(&self.expansion, &candidates);
+                cheapest(&self.expansion, &candidates, self.choices.pace);
             if let Some(budget) = self.choices.memory_budget {
                 let estimate = estimate.get_or_insert_with(|| {
                     self.estimate_of(scheme, &trees, times.tree, &admissibility)
@@ -204,13 +219,11 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
             self.report(Phase::Operators, 0.0);
             let levels = levels(&lists, &trees.source_tree, &trees.target_tree, scheme);
             let pairs = trees.sources.len() as f64 * trees.targets.len() as f64;
-            let (most_seconds, pair_seconds) = self.choices.worth(estimate.as_ref(), pairs, || {
-                self.pair_seconds(&trees.sources, &trees.targets)
-            });
+            let pair_seconds = self.seconds_of_a_pair(&trees.sources, &trees.targets);
             let direct_seconds = pairs * pair_seconds;
+            let most_seconds = self.choices.worth(estimate.as_ref(), direct_seconds);
             let mut geometry = Geometry {
-                // What was given up has been paid for.
-                most_seconds: most_seconds / f64::from(1 << (restrictions / 2)),
+                most_seconds,
                 most_apply_seconds: self.choices.most_apply_seconds(direct_seconds),
                 pair_seconds,
                 sources: some(&trees.sources),
@@ -267,7 +280,7 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
             let right = match &estimate {
                 Some(estimate) if doubted => {
                     correct(&plan, estimate);
-                    cheapest(&plan.expansion, &candidates).0.scheme == scheme
+                    cheapest(&plan.expansion, &candidates, self.choices.pace).0.scheme == scheme
                 }
                 _ => true,
             };
@@ -295,116 +308,6 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
             [level.values, level.slopes] = norms.usual[level.level];
         }
         Some(norms)
-    }
-
-    /// The schemes that may be taken: the one that is given, or any.
-    fn candidates(
-        &self,
-        trees: &Trees<SourceOf<E>, TargetOf<E>>,
-        tree_seconds: f64,
-        admissibility: &Admissibility,
-    ) -> Vec<Candidate> {
-        let Choices { scheme, leaf_size, masked, .. } = self.choices;
-        let given = scheme.or((masked || leaf_size.is_some()).then_some(Scheme::Fmm));
-        if let Some(scheme) = given {
-            return vec![Candidate { scheme, estimate: None }];
-        }
-        let candidate = |scheme| {
-            let estimate = Some(self.estimate_of(scheme, trees, tree_seconds, admissibility));
-            Candidate { scheme, estimate }
-        };
-        // Few pairs are summed before anything else is set up.
-        let pairs = trees.sources.len() as f64 * trees.targets.len() as f64;
-        let seconds = pairs * self.pair_seconds(&trees.sources, &trees.targets);
-        let threads = rayon::current_num_threads() as f64;
-        if seconds * self.choices.applications as f64 <= SET_UP_SECONDS * threads {
-            return vec![candidate(Scheme::Direct)];
-        }
-        let mut candidates = [Scheme::Fmm, Scheme::Treecode { m2m: true }].map(candidate).to_vec();
-        // Where direct sums are hopeless, they need no estimate of their own.
-        let hopeless = |expanded: &Candidate| {
-            expanded.estimate.is_some_and(|e| e.direct_seconds > DOUBT * e.apply_seconds())
-        };
-        if !candidates.iter().any(hopeless) {
-            candidates.insert(0, candidate(Scheme::Direct));
-        }
-        candidates
-    }
-
-    /// Direct sums, with what they would cost where that decides.
-    fn direct(
-        &self,
-        trees: &Trees<SourceOf<E>, TargetOf<E>>,
-        tree_seconds: f64,
-        is_chosen: bool,
-    ) -> Candidate {
-        let (scheme, whole) = (Scheme::Direct, Admissibility::default());
-        let estimate = || self.estimate_of(scheme, trees, tree_seconds, &whole);
-        Candidate { scheme, estimate: is_chosen.then(estimate) }
-    }
-
-    fn estimate_of(
-        &self,
-        scheme: Scheme,
-        trees: &Trees<SourceOf<E>, TargetOf<E>>,
-        tree_seconds: f64,
-        admissibility: &Admissibility,
-    ) -> Estimate {
-        let pair_seconds = self.pair_seconds(&trees.sources, &trees.targets);
-        let expansion = &self.expansion;
-        let forecast = Forecast { expansion, scheme, trees, pair_seconds, tree_seconds };
-        let mask = self.cell_mask(trees);
-        forecast.estimate(&self.traversal(scheme, trees, &mask, admissibility))
-    }
-
-    fn trees(
-        &self,
-        sources: &[SourceOf<E>],
-        targets: &[TargetOf<E>],
-    ) -> Result<Trees<SourceOf<E>, TargetOf<E>>, Error> {
-        let best = || self.costs().leaf_size(self.pair_seconds(sources, targets));
-        Trees::new(sources, targets, &|| self.choices.leaf_size.unwrap_or_else(best))
-    }
-
-    /// What is known of costs before the expansion is prepared.
-    fn costs(&self) -> Costs {
-        self.expansion.costs(2)
-    }
-
-    fn pair_seconds(&self, sources: &[SourceOf<E>], targets: &[TargetOf<E>]) -> f64 {
-        let (kernel, tolerance) = (self.expansion.kernel(), self.costs().pair_tolerance);
-        pair_seconds(kernel, tolerance, sources, targets)
-    }
-
-    fn cell_mask<'b>(
-        &'b self,
-        trees: &'b Trees<SourceOf<E>, TargetOf<E>>,
-    ) -> PointMask<'b, E::Kernel, M> {
-        PointMask {
-            mask: &self.mask,
-            targets: TreePoints { tree: &trees.target_tree, points: &trees.targets },
-            sources: TreePoints { tree: &trees.source_tree, points: &trees.sources },
-        }
-    }
-
-    fn traversal<'b>(
-        &self,
-        scheme: Scheme,
-        trees: &'b Trees<SourceOf<E>, TargetOf<E>>,
-        mask: &'b dyn CellMask,
-        admissibility: &'b Admissibility,
-    ) -> Traversal<'b, RealOf<E>> {
-        Traversal {
-            targets: &trees.target_tree,
-            sources: &trees.source_tree,
-            mask,
-            admissibility,
-            far: match scheme {
-                Scheme::Direct => Far::Nothing,
-                Scheme::Fmm if self.costs().weighs => Far::Weighed,
-                Scheme::Fmm | Scheme::Treecode { .. } => Far::Whole,
-            },
-        }
     }
 
     fn report(&self, phase: Phase, fraction: f64) {

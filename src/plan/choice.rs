@@ -1,4 +1,4 @@
-//! Which scheme is cheapest to apply: by forecast, corrected by what was measured.
+//! Which scheme is cheapest to apply: by forecast, corrected by what was measured if that is wanted.
 
 use std::any::type_name;
 use std::collections::BTreeMap;
@@ -8,6 +8,7 @@ use std::time::Instant;
 
 use crate::expansion::Expansion;
 use crate::numbers::traits::Numbers;
+use crate::plan::choices::Pace;
 use crate::plan::estimate::Estimate;
 use crate::plan::tuning::{APPLY_BUDGET, APPLY_REPETITIONS, DOUBT};
 use crate::plan::{Plan, Scheme, Workspace};
@@ -27,8 +28,15 @@ impl Candidate {
 }
 
 /// The cheapest candidate, the first of several, and whether a wrong forecast may have made it so.
-pub(crate) fn cheapest<E: Expansion>(expansion: &E, candidates: &[Candidate]) -> (Candidate, bool) {
-    let correction = |i: usize| correction(expansion, candidates[i].scheme);
+pub(crate) fn cheapest<E: Expansion>(
+    expansion: &E,
+    candidates: &[Candidate],
+    pace: Pace,
+) -> (Candidate, bool) {
+    let correction = |i: usize| match pace {
+        Pace::Measured => correction(expansion, candidates[i].scheme),
+        Pace::Declared | Pace::Stated(_) => Some(1.0),
+    };
     let seconds = |i: usize| candidates[i].seconds() * correction(i).unwrap_or(1.0);
     let shorter = |best: usize, i: usize| if seconds(i) < seconds(best) { i } else { best };
     let best = (1..candidates.len()).fold(0, shorter);
@@ -106,7 +114,7 @@ mod tests {
         let expansion = Interpolation::new(from_fn(|x: DVec3, y: DVec3| x.distance(y)));
         let pick = |direct: f64, fmm: f64| {
             let candidates = [candidate(Scheme::Direct, direct), candidate(Scheme::Fmm, fmm)];
-            let (best, doubted) = cheapest(&expansion, &candidates);
+            let (best, doubted) = cheapest(&expansion, &candidates, Pace::Measured);
             (best.scheme, doubted)
         };
         assert_eq!(pick(1.0, 1.0), (Scheme::Direct, false));
@@ -116,13 +124,17 @@ mod tests {
         remembered(|factors| factors.insert(kind(&expansion, Scheme::Fmm), 2.0));
         assert_eq!(pick(1.0, 0.6), (Scheme::Direct, false));
         assert_eq!(pick(1.0, 0.4), (Scheme::Fmm, false));
+        // Plans that are not tuned know nothing of it.
+        let candidates = [candidate(Scheme::Direct, 1.0), candidate(Scheme::Fmm, 0.9)];
+        let (best, doubted) = cheapest(&expansion, &candidates, Pace::Declared);
+        assert_eq!((best.scheme, doubted), (Scheme::Fmm, false));
     }
 
     #[test]
     fn a_plan_without_rivals_is_not_doubted() {
         let expansion = Interpolation::new(from_fn(|x: DVec3, y: DVec3| x.distance(y)));
         let alone = [Candidate { scheme: Scheme::Fmm, estimate: None }];
-        let (best, doubted) = cheapest(&expansion, &alone);
+        let (best, doubted) = cheapest(&expansion, &alone, Pace::Measured);
         assert_eq!((best.scheme, doubted), (Scheme::Fmm, false));
     }
 }

@@ -5,9 +5,18 @@ use crate::numbers::traits::Real;
 use crate::plan::Scheme;
 use crate::plan::estimate::Estimate;
 use crate::plan::times::Progress;
-use crate::plan::tuning::{
-    ASKED_PAIR_SECONDS, ASKED_SECONDS, ASKED_SUMS, BARGAIN, DIRECT_DIGITS, SET_UP_SECONDS,
-};
+use crate::plan::tuning::{ASKED_SECONDS, ASKED_SUMS, BARGAIN, DIRECT_DIGITS, SET_UP_SECONDS};
+
+/// Where it is known from how long a pair takes that is summed directly.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Pace {
+    /// The kernel says it.
+    Declared,
+    /// The caller says it: seconds of one core.
+    Stated(f64),
+    /// It is measured, as is how long applications take.
+    Measured,
+}
 
 /// What is chosen besides expansion and mask.
 #[derive(Clone, Copy)]
@@ -16,6 +25,7 @@ pub(crate) struct Choices<'a> {
     pub(crate) leaf_size: Option<usize>,
     pub(crate) masked: bool,
     pub(crate) applications: usize,
+    pub(crate) pace: Pace,
     pub(crate) memory_budget: Option<usize>,
     pub(crate) progress: Option<&'a (dyn Fn(Progress) + Sync)>,
 }
@@ -27,6 +37,7 @@ impl Default for Choices<'_> {
             leaf_size: None,
             masked: false,
             applications: 1,
+            pace: Pace::Declared,
             memory_budget: None,
             progress: None,
         }
@@ -34,27 +45,32 @@ impl Default for Choices<'_> {
 }
 
 impl Choices<'_> {
-    /// Seconds of one core that the operators are worth, and that a pair takes: nominal ones where a scheme is
-    /// asked for, so that nothing that is measured decides whether that is done.
-    pub(crate) fn worth(
-        &self,
-        estimate: Option<&Estimate>,
-        pairs: f64,
-        pair_seconds: impl FnOnce() -> f64,
-    ) -> (f64, f64) {
+    /// Refuses a time of a pair that is none.
+    ///
+    /// # Errors
+    /// [`Error::InvalidPairSeconds`].
+    pub(crate) fn check(&self) -> Result<(), Error> {
+        match self.pace {
+            Pace::Stated(found) if !(found > 0.0 && found.is_finite()) => {
+                Err(Error::InvalidPairSeconds { found })
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Seconds of one core that the operators are worth, if direct sums take `direct_seconds`.
+    pub(crate) fn worth(&self, estimate: Option<&Estimate>, direct_seconds: f64) -> f64 {
         if self.masked {
-            return (f64::INFINITY, ASKED_PAIR_SECONDS);
+            return f64::INFINITY;
         }
         let chosen = self.scheme.is_none() && self.leaf_size.is_none();
         let Some(estimate) = estimate.filter(|_| chosen) else {
-            let most = ASKED_SECONDS + ASKED_SUMS * pairs * ASKED_PAIR_SECONDS;
-            return (most, ASKED_PAIR_SECONDS);
+            return ASKED_SECONDS + ASKED_SUMS * direct_seconds;
         };
         // What direct sums would take, but for what the applications do.
-        let (threads, applications) = (rayon::current_num_threads(), self.applications);
-        let saved = (BARGAIN * estimate.direct_seconds - estimate.apply_seconds()).max(0.0);
-        let most = threads as f64 * (applications as f64 * saved + SET_UP_SECONDS);
-        (most, pair_seconds())
+        let apply_seconds = estimate.apply_seconds() * rayon::current_num_threads() as f64;
+        let saved = (BARGAIN * direct_seconds - apply_seconds).max(0.0);
+        self.applications as f64 * saved + SET_UP_SECONDS
     }
 
     /// Seconds of one core that an application may take if direct sums take `direct_seconds`.

@@ -75,6 +75,38 @@ impl<E: Expansion> Fmm<E> {
         Ok(values)
     }
 
+    /// The same sums as [`apply`](Self::apply), to the bit, written over `values`, of which there is one for each
+    /// target. For solvers that apply a plan again and again.
+    ///
+    /// ```
+    /// use farfield::{Fmm, formula};
+    ///
+    /// let points: Vec<[f64; 3]> = (0..100).map(|i| [f64::from(i).sin(), f64::from(i).cos(), 0.0]).collect();
+    /// let fmm = Fmm::builder(formula!(|d| d.length())).build(&points, &points)?;
+    /// let mut potentials = vec![0.0; 100];
+    /// fmm.apply_into(&[1.0; 100], &mut potentials)?;
+    /// assert_eq!(potentials, fmm.apply(&[1.0; 100])?);
+    /// # Ok::<(), farfield::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// As [`apply`](Self::apply), and if there is not one value per target. What `values` hold after an error of a
+    /// sum is not said.
+    pub fn apply_into(
+        &self,
+        charges: &[ChargeOf<E>],
+        values: &mut [ValueOf<E>],
+    ) -> Result<(), Error> {
+        let (expected, found) = (self.usual.plan.targets.len(), values.len());
+        if found != expected {
+            return Err(Error::LengthMismatch { what: "values", expected, found });
+        }
+        self.check_charges(charges)?;
+        let ready = self.plan_for(charges);
+        ready.with_workspace(|workspace| ready.plan.run_into(charges, workspace, values));
+        check_values(values)
+    }
+
     /// The same sums as [`apply`](Self::apply), to the bit, with the time that each operator took.
     /// A little slower: what `apply` does in one sweep over the targets takes three.
     ///

@@ -1,6 +1,7 @@
 //! A plan and what an application of it writes to.
 
 pub(crate) mod builder;
+pub(crate) mod candidates;
 pub(crate) mod charge_sums;
 pub(crate) mod choice;
 pub(crate) mod choices;

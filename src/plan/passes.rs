@@ -41,10 +41,22 @@ impl<E: Expansion> Plan<E> {
         charges: &[ChargeOf<E>],
         workspace: &mut Workspace<E>,
     ) -> Vec<ValueOf<E>> {
+        let mut values = vec![Numbers::zero(); self.targets.len()];
+        self.run_into(charges, workspace, &mut values);
+        values
+    }
+
+    /// The same, written to `values`, one for each target.
+    pub(crate) fn run_into(
+        &self,
+        charges: &[ChargeOf<E>],
+        workspace: &mut Workspace<E>,
+        values: &mut [ValueOf<E>],
+    ) {
         let mut unread = ApplyTimes::default();
         self.carry(charges, workspace, &mut Clock::start(), &mut unread);
         self.evaluate(workspace, Sweep::ALL);
-        self.in_callers_order(workspace)
+        self.write_in_callers_order(workspace, values);
     }
 
     /// The same sums, to the bit, with the seconds that each operator took.
@@ -82,13 +94,17 @@ impl<E: Expansion> Plan<E> {
 
     /// The sums in the caller's order.
     pub(crate) fn in_callers_order(&self, workspace: &Workspace<E>) -> Vec<ValueOf<E>> {
+        let mut values = vec![Numbers::zero(); self.targets.len()];
+        self.write_in_callers_order(workspace, &mut values);
+        values
+    }
+
+    fn write_in_callers_order(&self, workspace: &Workspace<E>, values: &mut [ValueOf<E>]) {
         let ranks = &self.layout.target_ranks;
-        let mut values: Vec<ValueOf<E>> = vec![Numbers::zero(); ranks.len()];
-        parallel::for_each_piece(&mut values, PIECE, &|piece, values| {
+        parallel::for_each_piece(values, PIECE, &|piece, values| {
             let places = values.iter_mut().zip(&ranks[PIECE * piece..]);
             places.for_each(|(u, &rank)| u.clone_from(&workspace.values[rank as usize]));
         });
-        values
     }
 
     /// Everything before the values: from charges to multipole and local terms.

@@ -8,14 +8,12 @@ pub(crate) const DOUBT: f64 = 16.0;
 /// A plan and its applications may take this many times as long as direct sums would.
 pub(crate) const BARGAIN: f64 = 1.2;
 
-/// Seconds of set-up that are never too many.
+/// Seconds of one core of set-up that are never too many. Not of all cores: their number decides nothing.
 pub(crate) const SET_UP_SECONDS: f64 = 0.01;
 
-/// Where an expansion is asked for, set-up may take so many seconds of one core, and so many direct sums at
-/// this nominal time of a pair.
+/// Where an expansion is asked for, set-up may take so many seconds of one core, and so many direct sums.
 pub(crate) const ASKED_SECONDS: f64 = 40.0;
-pub(crate) const ASKED_SUMS: f64 = 10.0;
-pub(crate) const ASKED_PAIR_SECONDS: f64 = 2e-9;
+pub(crate) const ASKED_SUMS: f64 = 20.0;
 
 /// The relative error of direct sums, in units of rounding.
 pub(crate) const DIRECT_DIGITS: f64 = 16.0;

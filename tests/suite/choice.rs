@@ -1,10 +1,13 @@
 //! The scheme that a plan takes if none is given.
 
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::thread::sleep;
 use std::time::Duration;
 
 use farfield::conformance::Counting;
-use farfield::{Cell, Expansion, Fmm, FnKernel, Scheme, Unmasked, direct, relative_l2_error};
+use farfield::{
+    Cell, Error, Expansion, Fmm, FnKernel, Scheme, Unmasked, direct, from_fn, relative_l2_error,
+};
 use farfield_testing::clouds;
 use glam::DVec3;
 
@@ -85,7 +88,7 @@ impl Expansion for Drowsy {
 fn doubts_are_settled_by_applying_the_plan() {
     let points = clouds::cube(6000, 1);
     // So many that neither scheme is taken for being quick.
-    let builder = || Fmm::with_expansion(Drowsy(Counting::new())).applications(1000);
+    let builder = || Fmm::with_expansion(Drowsy(Counting::new())).applications(1000).tuned();
     // Forecasts are in pairs, so that their ratio is none of measured times.
     let forecast = builder().estimate(&points, &points).unwrap();
     let ratio = forecast.direct_seconds / forecast.apply_seconds();
@@ -111,4 +114,49 @@ fn what_is_given_is_taken() {
     assert_eq!(scheme_of(cells), Scheme::Fmm);
     let masked = builder().mask(Unmasked).build(&points, &points);
     assert_eq!(scheme_of(masked.unwrap()), Scheme::Fmm);
+}
+
+#[test]
+fn nothing_that_is_measured_decides() {
+    // As slow as it likes, now and then.
+    let calls = AtomicU64::new(0);
+    let moody = || {
+        from_fn(|x: DVec3, y: DVec3| {
+            if calls.fetch_add(1, Relaxed).is_multiple_of(50_000) {
+                sleep(Duration::from_millis(1));
+            }
+            (-x.distance_squared(y)).exp()
+        })
+    };
+    let points = clouds::cube(5000, 1);
+    let charges = clouds::charges(5000, 2);
+    let build = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let fmm = Fmm::builder(moody()).tolerance(1e-3).build(&points, &points).unwrap();
+            let stats = fmm.report().stats;
+            (stats.scheme, stats.leaf_size, fmm.apply(&charges).unwrap())
+        })
+    };
+    let first = build(1);
+    assert_eq!(first.0, Scheme::Fmm, "there is something to choose");
+    for threads in [2, 7] {
+        assert_eq!(build(threads), first);
+    }
+}
+
+#[test]
+fn what_a_pair_is_said_to_take_counts() {
+    let points = clouds::cube(3000, 1);
+    let plan = |seconds: f64| {
+        Fmm::builder(inverse()).tolerance(1e-3).pair_seconds(seconds).build(&points, &points)
+    };
+    let leaf_size = |seconds: f64| plan(seconds).unwrap().report().stats.leaf_size;
+    assert!(leaf_size(1e-6) < leaf_size(1e-9));
+    let scheme = |seconds: f64| plan(seconds).unwrap().report().stats.scheme;
+    assert_eq!((scheme(1e-6), scheme(1e-10)), (Scheme::Fmm, Scheme::Direct));
+    for seconds in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        let error = plan(seconds).unwrap_err();
+        assert!(matches!(error, Error::InvalidPairSeconds { .. }), "{error}");
+    }
 }

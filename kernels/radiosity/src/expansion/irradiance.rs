@@ -3,7 +3,7 @@
 use std::fmt;
 use std::marker::PhantomData;
 
-use farfield::{Kernel, Numbers, Point, Real, Vector};
+use farfield::{DispatchLevel, Kernel, Numbers, Point, Real, Vector};
 
 use crate::elements::{Projections, Surfel};
 use crate::expansion::near_field::{Block, Pairs};
@@ -117,6 +117,15 @@ impl<T: Real, C: Numbers<Real = T>> Kernel for Irradiance<T, C> {
         us: &mut [C],
     ) {
         self.block(xs, ys, qs, Pairs::Set(bits), tolerance, us);
+    }
+
+    /// Measured on one AVX-512 machine at every level.
+    fn pair_seconds(&self, tolerance: f64) -> f64 {
+        match DispatchLevel::in_force() {
+            Ok(DispatchLevel::Avx512 | DispatchLevel::Avx2) if tolerance >= 1e-7 => 5e-10,
+            Ok(DispatchLevel::Avx512 | DispatchLevel::Avx2) => 1e-9,
+            _ => 4.5e-9,
+        }
     }
 
     /// Clamping is not in the entries.
