@@ -86,7 +86,8 @@ impl<'a> Pair<'a> {
         };
         // What the sum takes of them, and what it should: where they see all of each other, the same.
         let shares = || {
-            let share = self.sights.close_share([i, j], [a, b]);
+            let touch = matches!(zone, Zone::Exact);
+            let share = self.sights.close_share([i, j], [a, b], touch);
             (share, if taken > 0.0 { self.sights.share(x, y).0 } else { 0.0 })
         };
         // A contour integral takes much longer than rays.
