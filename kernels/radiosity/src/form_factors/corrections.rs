@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use crate::elements::{Element, Surfel, check_surfels};
 use crate::error::Error;
-use crate::form_factors::exchange::{Pair, Zone, kappa};
+use crate::form_factors::exchange::{Pair, Zone, Zones, kappa};
 use crate::form_factors::neighbours::Neighbours;
 use crate::occlusion::{Occluders, Sights};
 
@@ -33,20 +33,6 @@ pub struct Corrections {
     areas: Vec<f64>,
     largest: f64,
     counts: Zones,
-}
-
-/// How many unordered pairs of elements were corrected by each rule. Pairs that don't see each other
-/// need no correction, and all others are left to the sum over centroids.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Zones {
-    /// By contour integrals.
-    pub exact: u64,
-    /// By 3 × 3 points on both patches, or six on triangles.
-    pub three: u64,
-    /// By 2 × 2 points on both patches, or three on triangles.
-    pub two: u64,
-    /// With a disk.
-    pub disk: u64,
 }
 
 impl Corrections {

@@ -39,6 +39,20 @@ pub fn exchange_area(a: &Element, b: &Element) -> f64 {
     }
 }
 
+/// How many unordered pairs of elements were corrected by each rule. Pairs that don't see each other
+/// need no correction, and all others are left to the sum over centroids.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Zones {
+    /// By contour integrals.
+    pub exact: u64,
+    /// By 3 × 3 points on both patches, or six on triangles.
+    pub three: u64,
+    /// By 2 × 2 points on both patches, or three on triangles.
+    pub two: u64,
+    /// With a disk.
+    pub disk: u64,
+}
+
 /// What one pair is taken by.
 #[derive(Clone, Copy)]
 pub(crate) enum Zone {
@@ -86,7 +100,8 @@ impl<'a> Pair<'a> {
         };
         // What the sum takes of them, and what it should: where they see all of each other, the same.
         let shares = || {
-            let share = self.sights.close_share([i, j], [a, b]);
+            let touch = matches!(zone, Zone::Exact);
+            let share = self.sights.close_share([i, j], [a, b], touch);
             (share, if taken > 0.0 { self.sights.share(x, y).0 } else { 0.0 })
         };
         // A contour integral takes much longer than rays.

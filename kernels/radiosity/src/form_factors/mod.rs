@@ -8,6 +8,6 @@ mod neighbours;
 mod exchange;
 mod corrections;
 
-pub use corrections::{Corrections, Zones};
-pub use exchange::exchange_area;
+pub use corrections::Corrections;
 pub(crate) use exchange::kappa;
+pub use exchange::{Zones, exchange_area};

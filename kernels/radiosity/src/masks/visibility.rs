@@ -7,7 +7,7 @@ use farfield::{CellView, Coverage, Mask, Numbers, Real};
 use crate::elements::{Element, Projections, Surfel};
 use crate::error::Error;
 use crate::expansion::Irradiance;
-use crate::form_factors::{Corrections, kappa};
+use crate::form_factors::Corrections;
 use crate::masks::asked::Asked;
 use crate::masks::counts::{Counters, PairCounts};
 use crate::masks::facing::facing;
@@ -31,8 +31,7 @@ pub struct Visibility<'a> {
 }
 
 impl<'a> Visibility<'a> {
-    /// The mask of points among these occluders: every pair that no certificate settles is asked for by a
-    /// ray between the two.
+    /// The mask of points among these occluders: pairs that no certificate settles have a ray each.
     pub fn new(occluders: &'a Occluders) -> Self {
         Self::with(Sights::of_points(occluders))
     }
@@ -61,12 +60,7 @@ impl<'a> Visibility<'a> {
     /// # Errors
     /// [`Error::InvalidTolerance`] unless the tolerance lies between 0 and 1.
     pub fn fractional(self, tolerance: f64, brightness: Vec<f64>) -> Result<Self, Error> {
-        if !(tolerance > 0.0 && tolerance < 1.0) {
-            return Err(Error::InvalidTolerance { found: tolerance });
-        }
-        let most = (SAMPLED_ERROR * tolerance).powi(2).min(0.1);
-        let sampling = Sampling { most, brightness, kappa: kappa(tolerance) };
-        Ok(Self { sampling: Some(sampling), ..self })
+        Ok(Self { sampling: Some(Sampling::new(tolerance, brightness)?), ..self })
     }
 
     /// The pairs asked about so far. Those of cells that were found [`Coverage::Partial`] count when
@@ -122,10 +116,6 @@ impl<'a> Visibility<'a> {
     }
 }
 
-/// The errors of samples add up at random: what a group may contribute grows as the square of the
-/// tolerance. Measured, with the lamp of a Cornell box among much darker surfels.
-const SAMPLED_ERROR: f64 = 2.0;
-
 impl<T: Real, C: Numbers<Real = T>> Mask<Irradiance<T, C>> for Visibility<'_> {
     fn cells(
         &self,
@@ -143,12 +133,11 @@ impl<T: Real, C: Numbers<Real = T>> Mask<Irradiance<T, C>> for Visibility<'_> {
         }
         let shapes = [targets.points, sources.points].map(|points| self.sights.shapes_of(points));
         let shaft = Shaft::new((targets.points, &shapes[0]), (sources.points, &shapes[1]));
-        let occluders = self.sights.occluders;
-        if shaft.is_clear(occluders) {
+        if shaft.is_clear(self.sights.occluders) {
             self.counters.certified.add(pairs);
             return Coverage::Full;
         }
-        let visible = if shaft.is_blocked(occluders) {
+        let visible = if shaft.is_blocked(self.sights.occluders) {
             Some(0)
         } else {
             self.visible_samples([targets, sources], [&shapes[0], &shapes[1]])
@@ -235,17 +224,11 @@ mod tests {
     type Kernel = Irradiance<f64>;
 
     fn square(z: f64, side: f64, up: bool, face: u32) -> Vec<Surfel> {
-        let normal = if up { DVec3::Z } else { DVec3::NEG_Z };
-        let at =
-            |k: usize| DVec3::new((k / 4) as f64 - 1.5, (k % 4) as f64 - 1.5, 0.0) * (side / 4.0);
-        (0..16)
-            .map(|k| Surfel {
-                position: at(k) + DVec3::Z * z,
-                normal,
-                area: side * side / 16.0,
-                face,
-            })
-            .collect()
+        let (normal, area) = (if up { DVec3::Z } else { DVec3::NEG_Z }, side * side / 16.0);
+        let step = side / 4.0;
+        let along = |k: usize| step * (k as f64 - 1.5);
+        let at = |k: usize| DVec3::new(along(k / 4), along(k % 4), z);
+        (0..16).map(|k| Surfel { position: at(k), normal, area, face }).collect()
     }
 
     fn screen(z: f64, side: f64, face: u32) -> [Triangle; 2] {

@@ -67,8 +67,13 @@ impl<'a> Sights<'a> {
     }
 
     /// The share of what two elements near each other exchange that is unhidden: by many rays, each counting
-    /// as much as it carries, where a few disagree.
-    pub(crate) fn close_share(&self, numbers: [usize; 2], elements: [&Element; 2]) -> f64 {
+    /// as much as it carries, where a few disagree; of elements that `touch`, a few more.
+    pub(crate) fn close_share(
+        &self,
+        numbers: [usize; 2],
+        elements: [&Element; 2],
+        touch: bool,
+    ) -> f64 {
         let [x, y] = elements.map(Element::surfel);
         let passes = |[p, q]: [DVec3; 2]| !self.occluders.blocked(p, q, [x.face, y.face]);
         let shape = |k: usize| {
@@ -77,7 +82,8 @@ impl<'a> Sights<'a> {
         };
         let few = rays([&shape(0), &shape(1)], false);
         let (all, passed) = (few.len(), few.iter().filter(|&&ends| passes(ends)).count());
-        if passed == 0 || passed == all {
+        let agree = passed == 0 || passed == all;
+        if self.are_points() || (agree && !touch) {
             return f64::from(u8::from(passed > 0));
         }
         // From the first to the second of the two, whichever way they are given.
@@ -85,6 +91,9 @@ impl<'a> Sights<'a> {
         let turn = mixed((numbers[a] as u64) << 32 | numbers[b] as u64);
         let (mut carried, mut sum) = (0.0, 0.0);
         for ray in 0..CLOSE_RAYS {
+            if ray == FEW_RAYS && agree && (carried == sum || carried == 0.0) {
+                break;
+            }
             let [u, v, w, t] = in_cube(ray, turn);
             let ends = [elements[a].point_at([u, v]), elements[b].point_at([w, t])];
             let d = ends[1] - ends[0];
@@ -99,8 +108,10 @@ impl<'a> Sights<'a> {
     }
 }
 
-/// Rays between two elements near each other that see part of each other.
+/// Rays between two elements near each other that see part of each other, and rays that tell whether they do
+/// where the elements touch.
 const CLOSE_RAYS: usize = 64;
+const FEW_RAYS: usize = 16;
 
 /// Whether two surfels exchange so little that one ray is enough.
 pub(crate) fn is_weak<T: Real>(pair: &Projections<T>) -> bool {
@@ -188,8 +199,8 @@ mod tests {
             let share = sights.share(x, y);
             assert_eq!(share, sights.share(y, x));
             assert_eq!(share.1, POINTS);
-            let close = sights.close_share([0, 1], [a, b]);
-            assert_eq!(close, sights.close_share([1, 0], [b, a]));
+            let close = sights.close_share([0, 1], [a, b], true);
+            assert_eq!(close, sights.close_share([1, 0], [b, a], true));
             // The middle of a segment between random points of both is below the edge.
             let exact = match edge {
                 ..0.0 => 1.0,
@@ -198,12 +209,12 @@ mod tests {
                 _ => 0.0,
             };
             error += (close - exact) / 21.0;
-            assert!((close - exact).abs() < 0.2 && (share.0 - exact).abs() < 0.6, "{edge}");
+            assert!((close - exact).abs() < 0.2, "{edge}: {close} {exact}");
             // Between centroids all is seen or nothing.
             let centroids = Sights::of_points(&occluders);
             let (all, rays) = centroids.share(x, y);
             assert!((all == 0.0 || all == 1.0) && rays == 1);
-            assert_eq!(centroids.close_share([0, 1], [a, b]), all);
+            assert_eq!(centroids.close_share([0, 1], [a, b], true), all);
         }
         assert!(error.abs() < 0.03, "{error}");
     }
@@ -220,7 +231,7 @@ mod tests {
         let sights = Sights::of_elements(&occluders, &scene.elements);
         let [a, b] = [&scene.elements[0], &scene.elements[1]];
         assert_eq!(sights.share(a.surfel(), b.surfel()).0, 1.0);
-        assert_eq!(sights.close_share([0, 1], [a, b]), 1.0);
+        assert_eq!(sights.close_share([0, 1], [a, b], true), 1.0);
     }
 
     #[test]
