@@ -83,7 +83,7 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
 
     /// The largest number of points in a leaf.
     ///
-    /// By default the expansion [chooses](Costs::leaf_seconds) by the
+    /// By default the expansion [chooses](crate::Costs::leaf_seconds) by the
     /// [time of a pair](Self::pair_seconds).
     pub fn leaf_size(mut self, leaf_size: usize) -> Self {
         self.choices.leaf_size = Some(leaf_size);
