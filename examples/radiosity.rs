@@ -117,8 +117,7 @@ fn run((elements, folder): (usize, PathBuf)) -> Result<String, Box<dyn Error>> {
         irradiance: solution.irradiance.into_flattened(),
         row_sums,
     };
-    let picture =
-        Picture::of_light(&sight, &fields, walls, Some(&indirect), Picture::SIZE, |_| ())?;
+    let image = Picture::of_light(&sight, &fields, walls, Some(&indirect), Picture::SIZE, |_| ())?;
 
     let report = serde_json::json!({
         "scene": "cornell", "elements": surfels.len(), "tolerance": TOLERANCE,
@@ -126,7 +125,7 @@ fn run((elements, folder): (usize, PathBuf)) -> Result<String, Box<dyn Error>> {
         "iterations": solution.iterations, "residual": solution.residual,
         "plan_s": plan_s, "solve_s": solve_s, "seconds": start.elapsed().as_secs_f64(),
     });
-    output.png("radiosity.png", picture.size, &picture.codes)?;
+    output.png("radiosity.png", image.size, &image.codes)?;
     output.write("report.json", |file| writeln!(file, "{report:#}"))?;
     output.publish()?;
     Ok(format!("{report:#}\nwrote radiosity.png and report.json to {}\n", folder.display()))
