@@ -2,7 +2,7 @@
 
 mod sides;
 mod seen;
-mod surroundings;
+mod around;
 
+pub use around::Surroundings;
 pub use seen::Seen;
-pub use surroundings::Surroundings;

@@ -197,7 +197,7 @@ fn form_factors_lie_between_zero_and_one_however_visibility_is_found() {
     let mut scene = furnace(6);
     let corner = |k: usize| {
         let (sin, cos) = (k as f64 * std::f64::consts::TAU / 24.0).sin_cos();
-        let radius = if k % 2 == 0 { 0.3 } else { 0.22 };
+        let radius = if k.is_multiple_of(2) { 0.3 } else { 0.22 };
         DVec3::new(0.5 + radius * cos, 0.5 + radius * sin, 0.2)
     };
     for k in 0..24 {
