@@ -244,7 +244,9 @@ fn light_goes_to_fronts_to_backs_or_to_the_sky() {
         }
         let (mut backs, mut sky, mut area) = (0.0, 0.0, 0.0);
         for (row, &[back, open, error]) in rows.iter().zip(&columns) {
-            assert!(error.abs() < 0.02, "{:?}: {error}", row.position);
+            // What is buried in a body sees what else is, by form factors: only rays know bodies.
+            let inside = of_bodies && back > 0.5;
+            assert!(inside || error.abs() < 0.02, "{:?}: {error}", row.position);
             let shared = row.normal[0].abs() == 1.0 && row.position[0] == 1.0;
             let buried = of_bodies && (shared || row.normal[2] == -1.0);
             assert!(!buried || (back == 1.0 && open == 0.0), "{:?}: {back} {open}", row.position);
