@@ -53,3 +53,18 @@ fn sentences(warnings: &[Warning]) -> String {
     let sentences: Vec<_> = warnings.iter().map(Warning::to_string).collect();
     sentences.join("; ")
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_can_t_be_closed_is_told_with_its_sign() {
+        let element = "the element".to_owned();
+        let message = Failure::NotClosable { element, change: -0.52, limit: 0.5 }.to_string();
+        assert!(
+            message.contains("change by -52 % to close its row, allowed are \u{b1}50 %"),
+            "{message}"
+        );
+    }
+}

@@ -211,8 +211,9 @@ impl Run<'_> {
         let closed_sums = operator.row_sums()?;
         let reciprocity_error = operator.reciprocity_error()?;
         drop(bar);
-        let warnings =
+        let mut warnings =
             Warning::of_exchange(scene, mesh, &sight, &row_sums, |k| operator.scaling(k));
+        warnings.extend(Warning::of_leaks(scene, mesh, &around));
 
         let pairwise = Visibility::of_elements(shadows, elements);
         let exchange = Exchange { surfels: &surfels, operator: &operator, visibility: &pairwise };

@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use farfield_radiosity::Surroundings;
 use farfield_scenes::{Mesh, Quantity, Scene, SceneError, Sight, fewest_elements};
 use serde::Serialize;
 
@@ -28,6 +29,8 @@ pub(crate) enum WarningKind {
     Missing,
     /// The scene has more surfaces than elements were asked for.
     FewElements,
+    /// A scene that is said to be closed, and that light leaves.
+    Leak,
     /// Rows of form factors that had to change by more than a few per cent.
     Closure,
     /// Elements of a closed room that exchange nothing.
@@ -36,6 +39,8 @@ pub(crate) enum WarningKind {
     MissedTolerance,
 }
 
+/// The share of light that may leave a closed scene, since rays pass between surfaces that hardly touch.
+const LEAK: f64 = 1e-3;
 /// The change of form factors by closing that goes without saying.
 const CLOSURE: f64 = 0.05;
 /// Rows of a closed room that sum to less exchange nothing.
@@ -100,6 +105,23 @@ impl Warning {
             warnings.push(Self::new(WarningKind::FewElements, message));
         }
         Ok(warnings)
+    }
+
+    /// That light leaves a scene that is said to be closed, if so.
+    pub(crate) fn of_leaks(scene: &Scene, mesh: &Mesh, around: &Surroundings<'_>) -> Option<Self> {
+        let sky = around.mean().sky;
+        if !scene.closed || sky <= LEAK {
+            return None;
+        }
+        let seen = |&i: &usize, &j: &usize| around.seen(i).sky.total_cmp(&around.seen(j).sky);
+        let most = (0..mesh.elements.len()).max_by(seen)?;
+        let message = format!(
+            "{:.1} % of the light leaves a scene that is said to be closed, most of all that of {}: what \
+             loses light is taken to be open",
+            100.0 * sky,
+            mesh.describe(scene, most)
+        );
+        Some(Self::new(WarningKind::Leak, message))
     }
 
     /// What is wrong with an exchange of which rows summed to `row_sums`, and were changed by these
