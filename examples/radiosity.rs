@@ -118,7 +118,6 @@ fn run((elements, folder): (usize, PathBuf)) -> Result<String, Box<dyn Error>> {
         row_sums,
     };
     let image = Picture::of_light(&sight, &fields, walls, Some(&indirect), Picture::SIZE, |_| ())?;
-
     let report = serde_json::json!({
         "scene": "cornell", "elements": surfels.len(), "tolerance": TOLERANCE,
         "relative_l2_error": error, "sampled_surfels": sample.len(),
