@@ -172,7 +172,8 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
     ///
     /// # Errors
     /// If a coordinate is not finite, the points extend too far for their precision, the leaf size is
-    /// zero, the kernel's sizes don't belong together, the mask gives no share from 0 to 1, the plan would need more memory than it may, or the expansion can't meet its tolerance or
+    /// zero, a pair is said to take no time, the kernel's sizes don't belong together, the mask gives no share
+    /// from 0 to 1, the plan would need more memory than it may, or the expansion can't meet its tolerance or
     /// order, or if `FARFIELD_DISPATCH` does not name a [`DispatchLevel`].
     pub fn build(
         mut self,

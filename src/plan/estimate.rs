@@ -1,7 +1,7 @@
 //! What a plan would cost.
 
-/// What a plan would cost, foretold from the trees, a sample of the interaction lists and the measured
-/// time of a pair. Tests hold the bytes to a factor of 1.5. Seconds are rough, and those of as many threads
+/// What a plan would cost, foretold from the trees, a sample of the interaction lists and the
+/// [time of a pair](crate::Builder::pair_seconds). Tests hold the bytes to a factor of 1.5. Seconds are rough, and those of as many threads
 /// as are at hand with nothing else to do.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]

@@ -48,6 +48,16 @@ pub(crate) enum Failure {
     BelowZero { found: f64, place: [f64; 3], rms: f64 },
 }
 
+impl Failure {
+    /// Makes warnings errors, if they are to be.
+    pub(crate) fn of_warnings(strict: bool, warnings: &[Warning]) -> Result<(), Self> {
+        if strict && !warnings.is_empty() {
+            return Err(Self::Strict { warnings: warnings.to_vec() });
+        }
+        Ok(())
+    }
+}
+
 /// Warnings one after the other.
 fn sentences(warnings: &[Warning]) -> String {
     let sentences: Vec<_> = warnings.iter().map(Warning::to_string).collect();

@@ -76,7 +76,7 @@ pub(crate) fn run<const BANDS: usize>(
     let mut cuts = even_cuts(scene, first)?;
     let mut mesh = Mesh::with_cuts(scene, &cuts)?;
     let warnings = Warning::of_scene(args, scene, mesh.elements.len())?;
-    strict(args, &warnings)?;
+    Failure::of_warnings(args.strict, &warnings)?;
     let mut meshes = 1;
     // What cuts are made for, which come in whole numbers.
     let aim = Cell::new(tolerance);
@@ -115,14 +115,6 @@ pub(crate) fn run<const BANDS: usize>(
     let report = deliver(args, scene, &mesh, solved, warnings, &progress, &mut output)?;
     output.publish()?;
     Ok(report)
-}
-
-/// Makes warnings errors, if they are to be.
-fn strict(args: &Args, warnings: &[Warning]) -> Result<(), Failure> {
-    if args.strict && !warnings.is_empty() {
-        return Err(Failure::Strict { warnings: warnings.to_vec() });
-    }
-    Ok(())
 }
 
 /// What came of solving on one mesh.
@@ -339,7 +331,7 @@ impl Run<'_> {
             let missed = Warning::of_elements(count, refinement.error, tolerance);
             solved.warnings.extend(missed);
         }
-        strict(args, &solved.warnings)?;
+        Failure::of_warnings(args.strict, &solved.warnings)?;
         if !interrupted {
             let whole = write_factors(args, &exchange, &around, interrupt, progress, output)?;
             solved.figures.interrupted = !whole;

@@ -192,24 +192,12 @@ fn scaled<T: Real, C: Numbers<Real = T>>(scale: T, q: &C) -> C {
 /// Seconds of one core for a pair in precisions of so many bytes that contributes so many numbers: measured for 1/r
 /// on one AVX-512 machine at every level.
 fn pair_seconds(bytes: usize, numbers: usize, tolerance: f64) -> f64 {
-    let few_digits = tolerance >= 1e-4;
-    let first = match DispatchLevel::in_force() {
-        Ok(DispatchLevel::Avx512) => {
-            if few_digits {
-                2e-10
-            } else {
-                3e-10
-            }
-        }
-        Ok(DispatchLevel::Avx2) => {
-            if few_digits {
-                5e-10
-            } else {
-                7e-10
-            }
-        }
-        _ => 1.7e-9,
+    let [few_digits, all] = match DispatchLevel::in_force() {
+        Ok(DispatchLevel::Avx512) => [2e-10, 3e-10],
+        Ok(DispatchLevel::Avx2) => [5e-10, 7e-10],
+        _ => [1.7e-9; 2],
     };
+    let first = if tolerance >= 1e-4 { few_digits } else { all };
     let single = if bytes == size_of::<f32>() { 0.5 } else { 1.0 };
     single * first * (1.0 + 0.15 * numbers.saturating_sub(1) as f64)
 }

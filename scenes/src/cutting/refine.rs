@@ -27,8 +27,8 @@ const UNKNOWN: f64 = 0.05;
 
 impl Refinement {
     /// The cuts that bring the error of one constant per element down to `tolerance`, with at most
-    /// `most` elements unless there are more surfaces. `mesh` is that of the scene, and `values` is a field on it: any number of bands
-    /// per element, the elements one after the other.
+    /// `most` elements unless there are more surfaces. `mesh` is that of the scene, and `values` is a field on
+    /// it: any number of bands per element, the elements one after the other.
     ///
     /// On a piece of edges a and b, the field is off its mean by ((a ∂_u f)² + (b ∂_v f)²)/12 in the mean
     /// square. The slopes are differences of neighbours, on the same surface or, of a surface in one piece,

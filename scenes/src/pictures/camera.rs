@@ -17,7 +17,8 @@ pub(crate) struct Camera {
 }
 
 impl Camera {
-    /// The camera of a viewpoint, with a square film. Where it looks nowhere, or along what is up, any direction will do.
+    /// The camera of a viewpoint, with a square film. Where it looks nowhere, or along what is up, any direction
+    /// will do.
     pub(crate) fn at(view: &Viewpoint) -> Self {
         let forward = (view.target - view.eye).try_normalize().unwrap_or(DVec3::NEG_Z);
         let up = view.up.reject_from_normalized(forward).try_normalize();

@@ -14,9 +14,8 @@ use crate::expansion::near_field::{Block, Pairs};
 ///
 /// with r cos θ_y = n_y·(x − y), r cos θ_x = n_x·(y − x), r = |x − y|.
 ///
-/// The [`clamped`](Self::clamped) kernel is the physical one: zero unless the two
-/// [face each other](Projections::facing), however close they are. It isn't smooth where a cosine changes sign, so a fast sum
-/// needs the mask [`Facing`](crate::Facing) or [`Visibility`](crate::Visibility), which let
+/// The [`clamped`](Self::clamped) kernel is the physical one: zero unless each lies in front of the other,
+/// however close they are. It isn't smooth where a cosine changes sign, so a fast sum needs the mask [`Facing`](crate::Facing) or [`Visibility`](crate::Visibility), which let
 /// expansions act only where the two kernels agree. The [`signed`](Self::signed) kernel is smooth
 /// and needs none, but in its sums the back of a surface takes away what its front gives.
 ///

@@ -16,7 +16,8 @@ use crate::operator::RadiosityOperator;
 ///
 /// have the same solution, and no slow mode: H″ takes an even glow to next to nothing. They are reciprocal
 /// as H is, and E″ is not negative (Nicolaides, "Deflation of conjugate gradients", SIAM J. Numer. Anal. 24,
-/// 1987). With τ = 1/⟨g, A⁻¹ g⟩ what is taken from H is a projection. Parts that absorb more than a tenth of what they reflect stay as they are.
+/// 1987). With τ = 1/⟨g, A⁻¹ g⟩ what is taken from H is a projection. Parts that absorb more than a tenth of
+/// what they reflect stay as they are.
 #[derive(Debug)]
 pub struct Balance<'a, 'b, const BANDS: usize> {
     operator: &'b RadiosityOperator<'a, BANDS>,
@@ -29,8 +30,8 @@ pub struct Balance<'a, 'b, const BANDS: usize> {
 const ABSORBED: f64 = 0.1;
 
 impl<'a, const BANDS: usize> RadiosityOperator<'a, BANDS> {
-    /// The equation B = E + ρ H(B) balanced for the parts that [`close_parts`](Self::close_parts) has closed. One sum if some element of such a part reflects
-    /// nothing, none otherwise.
+    /// The equation B = E + ρ H(B) balanced for the parts that [`close_parts`](Self::close_parts) has closed.
+    /// One sum if some element of such a part reflects nothing, none otherwise.
     ///
     /// # Errors
     /// [`Error::LengthMismatch`]; [`Error::NothingAbsorbs`] if a closed part is lit and none of it absorbs
@@ -42,7 +43,6 @@ impl<'a, const BANDS: usize> RadiosityOperator<'a, BANDS> {
     ) -> Result<Balance<'a, 'b, BANDS>, Error> {
         check_length("emission", emission.len(), self.areas.len())?;
         check_length("reflectance", reflectance.len(), self.areas.len())?;
-        let count = self.parts.iter().flatten().max().map_or(0, |&part| part as usize + 1);
         let unchanged = Cow::Borrowed(emission);
         let mut balance = Balance { operator: self, emission: unchanged, weights: Vec::new() };
         let reflects = |i: usize, k: usize| reflectance[i][k] > 0.0;
@@ -57,7 +57,7 @@ impl<'a, const BANDS: usize> RadiosityOperator<'a, BANDS> {
             self.apply(&z)?
         };
         // Σ A over the reflecting elements, Σ g, ⟨z, A E/ρ⟩ and ⟨g, A⁻¹ g⟩, part by part.
-        let mut sums = vec![[[0.0; 4]; BANDS]; count];
+        let mut sums = vec![[[0.0; 4]; BANDS]; self.part_count()];
         let g = |i: usize, k: usize| {
             let rho = reflectance[i][k];
             // (1 − ρ)/ρ + (1 − w) keeps the digits that 1/ρ − w loses.
@@ -128,8 +128,7 @@ impl<const BANDS: usize> Balance<'_, '_, BANDS> {
     pub fn apply(&self, radiosity: &[[f64; BANDS]]) -> Result<Vec<[f64; BANDS]>, Error> {
         let mut irradiance = self.operator.apply(radiosity)?;
         if self.is_changed() {
-            let count = self.operator.means(radiosity).len();
-            let mut dots = vec![[0.0; BANDS]; count];
+            let mut dots = vec![[0.0; BANDS]; self.operator.part_count()];
             for (i, part) in self.operator.in_parts() {
                 for k in 0..BANDS {
                     dots[part][k] += self.weights[i][k] * radiosity[i][k];

@@ -157,8 +157,7 @@ impl<'a, const BANDS: usize> RadiosityOperator<'a, BANDS> {
 
     /// The mean radiosity of each closed part over its area.
     pub(super) fn means(&self, radiosity: &[[f64; BANDS]]) -> Vec<[f64; BANDS]> {
-        let count = self.parts.iter().flatten().max().map_or(0, |&part| part as usize + 1);
-        let mut sums = vec![([0.0; BANDS], 0.0); count];
+        let mut sums = vec![([0.0; BANDS], 0.0); self.part_count()];
         for ((b, area), part) in radiosity.iter().zip(&self.areas).zip(&self.parts) {
             if let Some(part) = part {
                 let (sum, total) = &mut sums[*part as usize];
@@ -168,6 +167,11 @@ impl<'a, const BANDS: usize> RadiosityOperator<'a, BANDS> {
         }
         let mean = |(sum, area): ([f64; BANDS], f64)| sum.map(|sum| sum / area);
         sums.into_iter().map(mean).collect()
+    }
+
+    /// How many closed parts there are.
+    pub(super) fn part_count(&self) -> usize {
+        self.parts.iter().flatten().max().map_or(0, |&part| part as usize + 1)
     }
 
     /// Leaves D = 1 and no closed part; returns what there was of them.
