@@ -89,6 +89,17 @@ fn held(mode: &str, why: &str, points: &[DVec3], leaf_size: usize) -> Stats {
     stats
 }
 
+/// Asserts that harmonics for a tolerance deliver it in the sums of 1/r over one cloud, in leaves of 10.
+fn harmonics_reach(tolerance: f64, points: &[DVec3]) {
+    let charges = charges(points.len(), 2);
+    let kernel = InverseDistance::<f64>::new();
+    let expansion = HarmonicExpansion::with_tolerance(kernel, tolerance).unwrap();
+    let fmm = Fmm::with_expansion(expansion).leaf_size(10).build(points, points).unwrap();
+    let exact = direct(&kernel, points, &charges, points).unwrap();
+    let error = relative_l2_error(&fmm.apply(&charges).unwrap(), &exact);
+    assert!(error < tolerance, "{error:e} for {tolerance:e}");
+}
+
 #[test]
 fn equal_points_share_a_leaf() {
     let points = clouds::coincident(3000);
@@ -139,25 +150,35 @@ fn ten_million_duplicates_are_one_leaf() {
 fn clusters_far_apart_are_divided_as_far_as_they_differ() {
     // Next to the origin 1e-12 can be told apart; at 1e6 only along the other axes.
     let mut random = Random::new(1);
-    let points: Vec<DVec3> =
+    let mut points: Vec<DVec3> =
         (0..2000).map(|i| random.in_cube() * 1e-12 + DVec3::X * (1e6 * (i % 2) as f64)).collect();
     let why = "depth is log2 of distance over size";
     let stats = held("Two clusters of 1e-12, 1e6 apart", why, &points, 10);
     assert!(stats.depth > 60 && stats.cells < 1500 && stats.direct_pairs < 2000 * 500);
-    // One of them lies in a plane, which is a face of cells on some levels: a known limit of harmonics.
-    let charges = charges(2000, 2);
-    let kernel = InverseDistance::<f64>::new();
-    let expansion = HarmonicExpansion::with_tolerance(kernel, 1e-10).unwrap();
-    let fmm = Fmm::with_expansion(expansion).leaf_size(10).build(&points, &points).unwrap();
-    let exact = direct(&kernel, &points, &charges, &points).unwrap();
-    let error = relative_l2_error(&fmm.apply(&charges).unwrap(), &exact);
-    assert!(error < 2e-9, "{error:e}");
+    harmonics_reach(1e-10, &points);
+    // One of them lies in a plane, which is now a face of cells on no level.
+    points.push(DVec3::X * 1.3e6);
+    harmonics_reach(1e-10, &points);
     // What one place holds is one leaf, however deep the tree is elsewhere.
     let mut random = Random::new(1);
     let mut equal = vec![DVec3::X * 1e6; 1000];
     equal.extend((0..1000).map(|_| random.in_cube() * 1e-12));
     let stats = counted(&equal, &equal, 10);
     assert!((1_000_000..1_300_000).contains(&stats.direct_pairs), "{stats:?}");
+}
+
+#[test]
+fn walls_of_a_room_lie_on_faces_of_cells() {
+    let mut random = Random::new(3);
+    let wall = |i: usize| {
+        let mut p = random.in_cube();
+        p[i % 3] = (i / 3 % 2) as f64;
+        p
+    };
+    let points: Vec<DVec3> = (0..3000).map(wall).collect();
+    for tolerance in [1e-4, 1e-6, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12] {
+        harmonics_reach(tolerance, &points);
+    }
 }
 
 #[test]

@@ -38,7 +38,7 @@ use swap::AxisSwap;
 pub use translation::Scratch;
 
 /// The highest order of an expansion.
-pub const MAX_ORDER: usize = 40;
+pub const MAX_ORDER: usize = 56;
 
 /// Indices of one term of an expansion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
