@@ -16,6 +16,7 @@ use crate::interpolation::slopes::Slopes;
 use crate::interpolation::transfer::Transfers;
 use crate::interpolation::tuning::{ATTEMPTS, CHECK_POINTS};
 use crate::numbers::traits::Scalar;
+use crate::parallel;
 
 /// Operators between cells of one size.
 #[derive(Debug)]
@@ -42,11 +43,85 @@ pub(crate) struct Request<'a, S: Scalar> {
     pub(crate) accepted: f64,
 }
 
+/// The operators of some levels, with cut-offs tightened until sample pairs of all levels together are accurate
+/// enough: the squares of their errors add up, so that one level may err more where others err less.
+///
+/// # Errors
+/// What can't be afforded.
+pub(crate) fn build_levels<S: Scalar>(
+    requests: &[Request<'_, S>],
+) -> Result<Vec<LevelOperators<S>>, Error> {
+    let first = parallel::map(requests.len(), &|k| Attempt::first(&requests[k]));
+    let mut attempts: Vec<Attempt<'_, S>> = first.into_iter().collect::<Result<_, _>>()?;
+    let accepted: f64 = requests.iter().map(|request| request.accepted_error().powi(2)).sum();
+    for _ in 1..ATTEMPTS {
+        let squares = attempts.iter().map(|attempt| attempt.level.error.powi(2));
+        if squares.sum::<f64>() <= accepted {
+            break;
+        }
+        let next = parallel::map(attempts.len(), &|k| attempts[k].tightened());
+        for (attempt, next) in attempts.iter_mut().zip(next) {
+            if let Some((share, level)) = next? {
+                (attempt.share, attempt.level) = (share, level);
+            }
+        }
+    }
+    Ok(attempts.into_iter().map(|attempt| attempt.level).collect())
+}
+
+/// The operators of a level with one choice of its cut-offs.
+struct Attempt<'a, S: Scalar> {
+    request: &'a Request<'a, S>,
+    spectra: Spectra<S>,
+    /// The share of the tolerance that truncations have.
+    share: f64,
+    level: LevelOperators<S>,
+}
+
+impl<'a, S: Scalar> Attempt<'a, S> {
+    fn first(request: &'a Request<'a, S>) -> Result<Self, Error> {
+        let spectra = request.spectra()?;
+        let mut share = truncation_share(request.tolerance, spectra.reflected);
+        if request.slopes.is_some() {
+            share *= SLOPE_SHARE;
+        }
+        // What only passes through is not checked.
+        if request.far.carried().offsets().is_empty() {
+            share *= PASSING_SHARE;
+        }
+        // The first attempt is seldom the last.
+        let level = request.operators(&spectra, share, 2.0)?;
+        Ok(Self { request, spectra, share, level })
+    }
+
+    /// A smaller share and what comes of it; none if the level's own error is accepted.
+    fn tightened(&self) -> Result<Option<(f64, LevelOperators<S>)>, Error> {
+        let excess = self.level.error / self.request.accepted_error();
+        if excess <= 1.0 {
+            return Ok(None);
+        }
+        let share = self.share * (0.9 / excess).clamp(0.2, 0.75);
+        let level = self.request.operators(&self.spectra, share, 1.0)?;
+        Ok(Some((share, level)))
+    }
+}
+
+/// What the bases of a level are cut from.
+struct Spectra<S: Scalar> {
+    targets: Spectrum<S>,
+    /// None if they are those of the targets.
+    sources: Option<Spectrum<S>>,
+    reflected: bool,
+}
+
 impl<S: Scalar> Request<'_, S> {
-    /// Bases and M2L matrices, with the cut-offs tightened until sample pairs are accurate enough.
-    pub(crate) fn build(&self) -> Result<LevelOperators<S>, Error> {
-        let half_width = self.far.half_width();
-        let parities = probe::parities(self.kernel, half_width);
+    /// The error between sample points that the level may have if all others have theirs.
+    fn accepted_error(&self) -> f64 {
+        self.accepted * self.tolerance
+    }
+
+    fn spectra(&self) -> Result<Spectra<S>, Error> {
+        let parities = probe::parities(self.kernel, self.far.half_width());
         let spectrum = |kernel: &Entries<'_, S>, of: fn(&Parities) -> &[u8]| {
             let parities = parities.as_ref().map(of);
             Spectrum::new(kernel, parities, self.far, self.rule, self.scale)
@@ -60,42 +135,33 @@ impl<S: Scalar> Request<'_, S> {
         } else {
             Some(spectrum(&self.kernel.transpose(), |p| &p.densities)?)
         };
-        let offsets = self.far.carried().offsets();
-        let mut share = truncation_share(self.tolerance, parities.is_some());
-        if self.slopes.is_some() {
-            share *= SLOPE_SHARE;
-        }
-        // What only passes through is not checked.
-        if offsets.is_empty() {
-            share *= PASSING_SHARE;
-        }
-        let mut attempt = 0;
-        loop {
-            let cut = share * self.tolerance * self.scale.size;
-            let rank = targets.rank(cut);
-            let [evaluations, multiply_adds] =
-                operator_costs(self.kernel, self.rule.len(), rank, parities.is_some());
-            // The first attempt is seldom the last.
-            let attempts = if attempt == 0 { 2.0 } else { 1.0 };
-            self.kernel.afford(attempts * evaluations, attempts * multiply_adds)?;
-            self.kernel.spend(multiply_adds)?;
-            let target = Arc::new(targets.basis(cut, self.rule));
-            let source = match &sources {
-                Some(sources) => Arc::new(sources.basis(cut, self.rule)),
-                None => Arc::clone(&target),
-            };
-            let reflected = parities.is_some();
-            let bases = Bases { half_width, source, target, reflected, cut };
-            let transfers = Transfers::new(self.kernel, &bases, &offsets);
-            let mut level = LevelOperators { bases, transfers, error: f64::INFINITY };
-            level.error = self.check(&level).mean;
-            let accepted = self.accepted * self.tolerance;
-            attempt += 1;
-            if level.error <= accepted || attempt == ATTEMPTS {
-                return Ok(level);
-            }
-            share *= (0.9 * accepted / level.error).clamp(0.2, 0.75);
-        }
+        Ok(Spectra { targets, sources, reflected: parities.is_some() })
+    }
+
+    /// Bases and M2L matrices, if so many times their costs can be afforded.
+    fn operators(
+        &self,
+        spectra: &Spectra<S>,
+        share: f64,
+        times: f64,
+    ) -> Result<LevelOperators<S>, Error> {
+        let cut = share * self.tolerance * self.scale.size;
+        let rank = spectra.targets.rank(cut);
+        let [evaluations, multiply_adds] =
+            operator_costs(self.kernel, self.rule.len(), rank, spectra.reflected);
+        self.kernel.afford(times * evaluations, times * multiply_adds)?;
+        self.kernel.spend(multiply_adds)?;
+        let target = Arc::new(spectra.targets.basis(cut, self.rule));
+        let source = match &spectra.sources {
+            Some(sources) => Arc::new(sources.basis(cut, self.rule)),
+            None => Arc::clone(&target),
+        };
+        let (half_width, reflected) = (self.far.half_width(), spectra.reflected);
+        let bases = Bases { half_width, source, target, reflected, cut };
+        let transfers = Transfers::new(self.kernel, &bases, &self.far.carried().offsets());
+        let mut level = LevelOperators { bases, transfers, error: f64::INFINITY };
+        level.error = self.check(&level).mean;
+        Ok(level)
     }
 }
 

@@ -14,7 +14,7 @@ use crate::interpolation::chebyshev::Chebyshev;
 use crate::interpolation::cost;
 use crate::interpolation::entries::Entries;
 use crate::interpolation::far_field::FarField;
-use crate::interpolation::level::{LevelOperators, Request, operator_costs};
+use crate::interpolation::level::{LevelOperators, Request, build_levels, operator_costs};
 use crate::interpolation::means::largest;
 use crate::interpolation::offset_errors::{OffsetErrors, test_costs};
 use crate::interpolation::order::{Refusal, order_of};
@@ -24,7 +24,6 @@ use crate::interpolation::slopes::Slopes;
 use crate::interpolation::tuning::{MAX_ORDER, MORE_ORDERS, WHOLE_DENSITY};
 use crate::linalg::matrix::Matrix;
 use crate::numbers::traits::{Real, Scalar};
-use crate::parallel;
 
 /// The operators of a translation-invariant kernel.
 #[derive(Debug)]
@@ -151,23 +150,19 @@ impl<S: Scalar> Operators<S> {
         let last = *orders.end();
         for order in orders {
             let rule = Chebyshev::new(order);
-            let build = |level: usize| {
-                let tolerance = tolerance / levels;
-                Request {
-                    kernel,
-                    rule: &rule,
-                    symmetric,
-                    homogeneous: sizes.homogeneous,
-                    far: &fields[level],
-                    scale: scales[level],
-                    slopes: slopes[level].as_ref(),
-                    tolerance,
-                    accepted,
-                }
-                .build()
+            let request = |level: usize| Request {
+                kernel,
+                rule: &rule,
+                symmetric,
+                homogeneous: sizes.homogeneous,
+                far: &fields[level],
+                scale: scales[level],
+                slopes: slopes[level].as_ref(),
+                tolerance: tolerance / levels,
+                accepted,
             };
-            let built = parallel::map(fields.len(), &build).into_iter();
-            let levels = built.collect::<Result<Vec<LevelOperators<S>>, _>>()?;
+            let requests: Vec<Request<'_, S>> = (0..fields.len()).map(request).collect();
+            let levels = build_levels(&requests)?;
             let squares = levels.iter().map(|level| level.error * level.error);
             let error = squares.sum::<f64>().sqrt();
             // One order more, rather than an error that sampling may have got wrong; but only if
