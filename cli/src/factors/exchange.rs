@@ -16,25 +16,26 @@ pub(crate) struct Side {
 /// `tolerance` at most.
 ///
 /// Two pieces of which no ray is blocked exchange what contour integrals say, and nothing if all rays are blocked.
-/// Others are cut, the larger one in four, until what their rays leave open is too little to count. What blocks
-/// less than one ray in [`RAYS`] between pieces that exchange a few hundred times the tolerance may be missed.
+/// Others are cut, the larger one in four, until what their rays leave open is too little to count.
 pub(crate) fn exchange(sides: [&Side; 2], occluders: &Occluders, tolerance: f64) -> f64 {
     let [a, b] = sides.map(|side| side.patch);
     let whole = a.exchange(&b);
     let area = a.area().min(b.area());
     if whole <= NOTHING * tolerance * area {
-        return whole * share([&a, &b], sides, occluders, 1);
+        return whole * share([&a, &b], sides, occluders, 1, 0);
     }
     // Each piece that is left is off at random: all together by the square root of their number.
     let enough = (tolerance / DOUBT).powi(2) * area * area / whole;
-    let limits = Limits { agreed: RAYS as f64 * tolerance * area, mixed: enough };
-    refine([a, b], whole, sides, occluders, limits, 0)
+    let limits = Limits { agreed: AGREED * tolerance * area, mixed: enough };
+    refine([a, b], whole, sides, occluders, limits, [0, 1])
 }
 
 /// Rays between two pieces.
 const RAYS: usize = 64;
 /// By how much the share of pieces that see part of each other may be off by so many rays.
-const DOUBT: f64 = 0.06;
+const DOUBT: f64 = 0.12;
+/// What pieces may exchange of which all rays say the same, in units of the tolerance.
+const AGREED: f64 = 8.0;
 /// What exchanges less, in units of the tolerance, is not cut.
 const NOTHING: f64 = 1e-2;
 /// How often pieces are cut at most.
@@ -53,37 +54,44 @@ fn refine(
     sides: [&Side; 2],
     occluders: &Occluders,
     limits: Limits,
-    depth: usize,
+    [depth, number]: [usize; 2],
 ) -> f64 {
     if whole <= 0.0 {
         return 0.0;
     }
     let [a, b] = &pieces;
-    let share = share([a, b], sides, occluders, RAYS);
+    let share = share([a, b], sides, occluders, RAYS, number);
     let limit = if share == 0.0 || share == 1.0 { limits.agreed } else { limits.mixed };
     if whole <= limit || depth == MOST_CUTS {
         return share * whole;
     }
     let larger = usize::from(b.area() > a.area());
-    let quarters = quarters(&pieces[larger]);
-    let parts = quarters.map(|quarter| {
+    let quarters = quarters(&pieces[larger]).into_iter().enumerate();
+    let parts = quarters.map(|(k, quarter)| {
         let mut pieces = pieces;
         pieces[larger] = quarter;
         let whole = pieces[0].exchange(&pieces[1]);
-        refine(pieces, whole, sides, occluders, limits, depth + 1)
+        let number = number.wrapping_mul(4).wrapping_add(k);
+        refine(pieces, whole, sides, occluders, limits, [depth + 1, number])
     });
-    parts.iter().sum()
+    parts.sum()
 }
 
 /// The share of what two pieces exchange that is not blocked, by some rays, each counting as much as it carries;
-/// 1 if they don't see each other's fronts.
-fn share(pieces: [&Patch; 2], sides: [&Side; 2], occluders: &Occluders, rays: usize) -> f64 {
+/// 1 if they don't see each other's fronts. Pieces of different numbers have different rays.
+fn share(
+    pieces: [&Patch; 2],
+    sides: [&Side; 2],
+    occluders: &Occluders,
+    rays: usize,
+    number: usize,
+) -> f64 {
     let faces = sides.map(|side| side.face);
     let mut weights = [0.0; RAYS];
     let mut segments = [Segment { ends: [DVec3::ZERO; 2], faces }; RAYS];
     let mut count = 0;
     for k in 0..rays.min(RAYS) {
-        let [u, v, w, t] = point(k);
+        let [u, v, w, t] = point(k + RAYS * (number % PIECES));
         let ends = [at(pieces[0], u, v), at(pieces[1], w, t)];
         let line = ends[1] - ends[0];
         let cosines = [pieces[0].normal().dot(line), -pieces[1].normal().dot(line)];
@@ -112,6 +120,9 @@ fn point(k: usize) -> [f64; 4] {
     ];
     STEPS.map(|step| (0.5 + step * (k + 1) as f64).fract())
 }
+
+/// Pieces whose rays differ: beyond it numbers of the sequence lose their digits.
+const PIECES: usize = 1_000_003;
 
 /// A point of a patch for one of the unit square: evenly on triangles and parallelograms.
 fn at(patch: &Patch, u: f64, v: f64) -> DVec3 {
