@@ -51,17 +51,15 @@ fn a_cube_has_its_closed_forms_in_the_table_of_view3d() {
     );
     let lines = table(CUBE);
     assert_eq!(lines.len(), 8);
-    for i in 0..6 {
-        for j in 0..6 {
+    for (i, line) in lines[1..7].iter().enumerate() {
+        for (j, found) in line.iter().enumerate() {
             let opposite = i % 3 == j % 3;
-            let expected = if i == j {
-                0.0
-            } else if opposite {
-                OPPOSITE
-            } else {
-                BESIDE
+            let expected = match (i == j, opposite) {
+                (true, _) => 0.0,
+                (_, true) => OPPOSITE,
+                _ => BESIDE,
             };
-            assert!((lines[i + 1][j] - expected).abs() < 1e-6, "{i} {j}");
+            assert!((found - expected).abs() < 1e-6, "{i} {j}");
         }
     }
     assert_eq!(lines[7], [0.5; 6]);

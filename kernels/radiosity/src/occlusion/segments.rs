@@ -1,7 +1,5 @@
 //! Many segments at once, each between two points of its own.
 
-#![expect(clippy::needless_range_loop, reason = "closures of iterators may not be inlined")]
-
 use farfield::DispatchLevel;
 use pulp::{Simd, WithSimd};
 
