@@ -1,12 +1,14 @@
-//! `farfield` on the command line: sums over points from files, and light or radiant heat in scenes.
+//! `farfield` on the command line: sums over points from files, light or radiant heat in scenes, and form factors.
 //!
 //! ```sh
 //! farfield radiosity --scene columns --elements 30000
+//! farfield factors --scene room.vs3 --out room.txt
 //! farfield sum --points points.npy --charges charges.npy --kernel inverse-distance --out values.npy
 //! ```
 //!
-//! `farfield help`, `farfield radiosity --help` and `farfield sum --help` explain every flag.
+//! `farfield help` and, say, `farfield radiosity --help` explain every flag.
 
+mod factors;
 mod memory;
 mod radiosity;
 mod sum;
@@ -16,7 +18,7 @@ use std::process::ExitCode;
 use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
 
-/// Fast multipole sums over points from files, and light or radiant heat in scenes.
+/// Fast multipole sums over points from files, light or radiant heat in scenes, and form factors.
 #[derive(Debug, Parser)]
 #[command(name = "farfield", version)]
 struct Cli {
@@ -26,12 +28,14 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    Factors(Box<factors::Args>),
     Radiosity(Box<radiosity::Args>),
     Sum(Box<sum::Args>),
 }
 
 fn main() -> ExitCode {
     match Cli::try_parse() {
+        Ok(Cli { command: Command::Factors(args) }) => factors::main(&args),
         Ok(Cli { command: Command::Radiosity(args) }) => radiosity::main(&args),
         Ok(Cli { command: Command::Sum(args) }) => sum::main(&args),
         Err(error) => explain(&error),

@@ -20,6 +20,9 @@ const PLY: &str = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\npr
 const CLOUD: &str = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n\
                      property float z\nproperty float nx\nproperty float ny\nproperty float nz\n\
                      end_header\n0 0 0 0 0 1\n1 0 0 0 0 1\n0 1 0 0 0 1\n";
+const VS3: &str = "T pair\nC encl=0 out=1\nF 3\nV 1 0 0 0\nV 2 1 0 0\nV 3 1 1 0\nV 4 0 1 0\n\
+                   V 5 0 0 1\nV 6 1 0 1\nV 7 1 1 1\n! pair\nS 1 1 2 3 4 0 0 0.9 low\n\
+                   S 2 7 6 5 0 0 1 0.5 high\nO 3 1 2 7 0 0 0 .5 O\nEnd\n";
 const TOML: &str = "[[quad]]\ncorners = [[0, 0, 0], [0, 0, 2], [2, 0, 2], [2, 0, 0]]\n\
                     material = \"white\"\n[materials.white]\nreflectance = [0.7, 0.7, 0.7]\n\
                     emission = [1, 1, 1]\n";
@@ -58,6 +61,7 @@ fn damaged_scenes_are_read_or_refused() {
         ("off", OFF.replacen("\n1 0 0", "\nnan 0 0", 1)),
         ("stl", STL.replacen("vertex 1 0 0", "vertex inf 0 0", 1)),
         ("ply", PLY.replacen("\n1 0 0", "\nnan 0 0", 1)),
+        ("vs3", VS3.replacen("V 2 1 0 0", "V 2 nan 0 0", 1)),
         ("toml", TOML.replacen("2, 0, 0", "2, nan, 0", 1)),
     ] {
         let path = folder.path().join(format!("damaged.{ending}"));
@@ -70,6 +74,7 @@ fn damaged_scenes_are_read_or_refused() {
         ("off", vec![OFF.as_bytes()]),
         ("stl", vec![STL.as_bytes(), &stl]),
         ("ply", vec![PLY.as_bytes(), CLOUD.as_bytes(), &ply]),
+        ("vs3", vec![VS3.as_bytes()]),
         ("toml", vec![TOML.as_bytes()]),
     ] {
         let path = folder.path().join(format!("damaged.{ending}"));

@@ -10,7 +10,8 @@ const FOLDERS: [&str; 7] =
     ["scene", "repair", "generators", "formats", "cutting", "pictures", "output"];
 
 /// What files may take from `farfield-radiosity`: geometry and occlusion, and why there is none.
-const GEOMETRY: [&str; 7] = ["Element", "Error", "Hit", "Occluders", "Patch", "Surfel", "Triangle"];
+const GEOMETRY: [&str; 8] =
+    ["Element", "Error", "Hit", "Occluders", "Patch", "Segment", "Surfel", "Triangle"];
 
 #[test]
 fn folders_import_only_downwards() {

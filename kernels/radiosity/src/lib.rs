@@ -45,7 +45,7 @@ pub use error::Error;
 pub use expansion::{Irradiance, SixteenMoment};
 pub use form_factors::{Corrections, Zones, exchange_area};
 pub use masks::{Facing, PairCounts, Visibility};
-pub use occlusion::{Hit, Occluders};
+pub use occlusion::{Hit, Occluders, Segment};
 pub use operator::{Balance, Closure, Enclosure, RadiosityOperator};
 pub use solvers::{
     EnergyBalance, Report, Solution, Stop, bicgstab, conjugate_gradients, energy_balance, jacobi,

@@ -49,11 +49,11 @@ mod tests {
             let message = load(name).expect_err(name).to_string();
             let expected = format!(
                 "`{name}`: expected one of cornell, furnace, sphere, bowl, two-rooms, canyon, \
-                 columns, or a file that ends in .obj, .stl, .ply, .off, .toml"
+                 columns, or a file that ends in .obj, .stl, .ply, .off, .vs3, .toml"
             );
             assert_eq!(message, expected);
         }
-        for name in ["no.obj", "no.stl", "no.ply", "no.off", "no.toml"] {
+        for name in ["no.obj", "no.stl", "no.ply", "no.off", "no.vs3", "no.toml"] {
             let message = load(name).expect_err(name).to_string();
             assert!(message.starts_with(&format!("cannot read {name}: ")), "{message}");
         }

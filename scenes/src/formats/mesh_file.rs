@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use crate::formats::view3d::View3d;
 use crate::formats::{obj, off, ply, stl};
 use crate::generators::GENERATORS;
 use crate::scene::Scene;
@@ -18,6 +19,7 @@ pub(crate) fn read_mesh(path: &Path) -> Result<Scene, SceneError> {
         "stl" => stl::read(path),
         "ply" => ply::read(path),
         "off" => off::read(path),
+        "vs3" => View3d::read(path)?.into_scene(path),
         _ => Err(SceneError::Unknown {
             name: path.display().to_string(),
             generators: GENERATORS.join(", "),
@@ -34,7 +36,7 @@ pub(crate) fn file_name(path: &Path) -> String {
 }
 
 /// How the names of mesh files end.
-const MESHES: [&str; 4] = ["obj", "stl", "ply", "off"];
+const MESHES: [&str; 5] = ["obj", "stl", "ply", "off", "vs3"];
 /// How the names of scene descriptions end.
 pub(crate) const DESCRIPTION: &str = "toml";
 

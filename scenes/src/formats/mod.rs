@@ -10,3 +10,4 @@ pub(crate) mod off;
 pub(crate) mod ply;
 pub(crate) mod stl;
 pub(crate) mod text;
+pub(crate) mod view3d;

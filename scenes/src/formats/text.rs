@@ -43,6 +43,8 @@ pub(crate) struct Lines<'a> {
     named: &'static [&'static str],
     /// Whether a line that ends in a backslash goes on in the next one.
     continued: bool,
+    /// What begins a comment.
+    comment: &'static [char],
 }
 
 /// A line in words.
@@ -58,7 +60,13 @@ pub(crate) struct Line<'a> {
 impl<'a> Lines<'a> {
     /// The lines of `text`, which is that of the file `path`.
     pub(crate) fn new(path: &'a Path, text: &'a str) -> Self {
-        Self { path, rest: text.lines().enumerate(), last: 1, named: &[], continued: false }
+        let rest = text.lines().enumerate();
+        Self { path, rest, last: 1, named: &[], continued: false, comment: &['#'] }
+    }
+
+    /// The same lines, with comments that begin with any of these.
+    pub(crate) fn commented(self, comment: &'static [char]) -> Self {
+        Self { comment, ..self }
     }
 
     /// The lines of the text of an OBJ or MTL file. A backslash at the end of a line joins it to the next
@@ -108,7 +116,7 @@ impl<'a> Lines<'a> {
         let trimmed = part.trim();
         let first = words.first().copied().or_else(|| trimmed.split_whitespace().next());
         let is_named = first.is_some_and(|first| self.named.contains(&first));
-        let comment = if is_named { None } else { trimmed.find('#') };
+        let comment = if is_named { None } else { trimmed.find(self.comment) };
         let said = &trimmed[..comment.unwrap_or(trimmed.len())];
         let joined = said.strip_suffix('\\').filter(|_| self.continued && comment.is_none());
         words.extend(joined.unwrap_or(said).split_whitespace());

@@ -3,17 +3,13 @@
 use std::f64::consts::FRAC_1_PI;
 
 use farfield_radiosity::{Element, Occluders};
-use glam::DVec3;
-use rayon::prelude::*;
 
 use crate::pictures::camera::Camera;
+use crate::pictures::exposure::{Ray, expose};
 use crate::pictures::lamps::{Lamps, Receiver};
 use crate::pictures::sight::{Backs, Seen, Sight};
 use crate::pictures::smooth::Smooth;
 use crate::pictures::tone::Rgb;
-
-/// Rays per pixel and axis.
-pub(crate) const RAYS: usize = 3;
 
 /// A picture's camera, and how it takes it.
 #[derive(Clone, Copy, Debug)]
@@ -24,6 +20,9 @@ pub(crate) struct Film {
     pub(crate) backs: Backs,
     /// Columns and rows.
     pub(crate) size: [usize; 2],
+    /// How far from a linear function what is seen around a pixel may be for few rays to be enough; see
+    /// [`expose`].
+    pub(crate) evenness: f64,
 }
 
 /// A lit mesh, ready to be looked at.
@@ -37,7 +36,7 @@ pub(crate) struct Lit<'a> {
     pub(crate) reflectance: &'a [Rgb],
     /// The irradiance \[W/m²\]; without what comes straight from lamps if these are given.
     pub(crate) irradiance: &'a Smooth,
-    /// Lamps of which light is gathered per pixel, for [`RAYS`]² turns, and what casts shadows.
+    /// Lamps of which light is gathered per pixel, for as many turns as a pixel has rays, and what casts shadows.
     pub(crate) direct: Option<(&'a Lamps, &'a Occluders)>,
 }
 
@@ -50,13 +49,9 @@ impl Film {
         lit: &Lit,
         row_done: impl Fn() + Sync,
     ) -> Vec<Rgb> {
-        let ray = |direction, turn| {
-            let seen = sight.first(self.camera.eye(), direction, self.backs)?;
-            Some(lit.radiance(&seen, turn))
-        };
-        let pixels = self.expose(ray, row_done).into_iter();
-        let share = |(sum, _): (Rgb, usize)| sum.map(|band| band / (RAYS * RAYS) as f64);
-        pixels.map(share).collect()
+        let see = |ray: Ray| Some(lit.radiance(&self.meet(sight, ray)?, ray.turn));
+        let pixels = expose(self.size, self.evenness, see, row_done).into_iter();
+        pixels.map(|pixel| pixel.mean.map(|band| pixel.share * band)).collect()
     }
 
     /// The first band of a field as seen from the camera, row by row from the upper left corner; none
@@ -68,40 +63,18 @@ impl Film {
         field: &Smooth,
         row_done: impl Fn() + Sync,
     ) -> Vec<Option<f64>> {
-        let ray = |direction, _| {
-            let seen = sight.first(self.camera.eye(), direction, self.backs)?;
+        let see = |ray: Ray| {
+            let seen = self.meet(sight, ray)?;
             Some(field.at(seen.element, seen.parameters))
         };
-        let pixels = self.expose(ray, row_done).into_iter();
-        pixels.map(|(sum, hits)| (2 * hits > RAYS * RAYS).then(|| sum[0] / hits as f64)).collect()
+        let pixels = expose(self.size, self.evenness, see, row_done).into_iter();
+        pixels.map(|pixel| (pixel.share > 0.5).then_some(pixel.mean[0])).collect()
     }
 
-    /// For each pixel the sum over those of its rays that meet something, and their number: one ray
-    /// through the middle of each of RAYS × RAYS squares, each with a turn of its own.
-    fn expose(
-        &self,
-        ray: impl Fn(DVec3, usize) -> Option<Rgb> + Sync,
-        row_done: impl Fn() + Sync,
-    ) -> Vec<(Rgb, usize)> {
-        let [width, height] = self.size;
-        let mut pixels = vec![([0.0; 3], 0); width * height];
-        let at = |pixel: usize, part: usize, count: usize| {
-            (pixel as f64 + (part as f64 + 0.5) / RAYS as f64) / count as f64
-        };
-        pixels.par_chunks_mut(width.max(1)).enumerate().for_each(|(row, pixels)| {
-            for (column, (sum, hits)) in pixels.iter_mut().enumerate() {
-                for turn in 0..RAYS * RAYS {
-                    let x = at(column, turn % RAYS, width);
-                    let y = at(row, turn / RAYS, height);
-                    if let Some(value) = ray(self.camera.direction(x, y), turn) {
-                        *hits += 1;
-                        *sum = [0, 1, 2].map(|band| sum[band] + value[band]);
-                    }
-                }
-            }
-            row_done();
-        });
-        pixels
+    /// What a ray sees.
+    fn meet(&self, sight: &Sight, ray: Ray) -> Option<Seen> {
+        let direction = self.camera.direction(ray.place.x, ray.place.y);
+        sight.first(self.camera.eye(), direction, self.backs)
     }
 }
 
@@ -129,9 +102,11 @@ impl Lit<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pictures::exposure::RAYS;
     use crate::pictures::samples::{grid, scene_of, sheet};
     use crate::pictures::smooth::tests::smoothed;
     use crate::scene::viewpoint::Viewpoint;
+    use glam::DVec3;
     use std::f64::consts::PI;
 
     const SIZE: usize = 16;
@@ -140,7 +115,7 @@ mod tests {
     fn film() -> Film {
         let [eye, target, up] = [3.0 * DVec3::Z, DVec3::ZERO, DVec3::Y];
         let camera = Camera::at(&Viewpoint { eye, target, up, film_over_focal: 2.0 / 3.0 });
-        Film { camera, backs: Backs::Opaque, size: [SIZE; 2] }
+        Film { camera, backs: Backs::Opaque, size: [SIZE; 2], evenness: 0.0 }
     }
 
     fn open() -> Occluders {

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::f64::consts::FRAC_1_PI;
 
-use farfield_radiosity::{Occluders, Patch};
+use farfield_radiosity::{Occluders, Patch, Segment};
 use glam::DVec3;
 
 use crate::cutting::mesh::Mesh;
@@ -29,7 +29,7 @@ pub fn direct_light_by_pixel(scene: &Scene) -> bool {
 /// Emitting surfaces, ready to be gathered from.
 #[derive(Clone, Debug)]
 pub(crate) struct Lamps {
-    pieces: Vec<Piece>,
+    lamps: Vec<Lamp>,
     /// How many turns a pixel takes.
     turns: usize,
 }
@@ -69,28 +69,39 @@ impl Lamps {
             }
         }
         let whole: f64 = lamps.iter().map(|(lamp, ..)| lamp.area()).sum();
-        let pieces = lamps.iter().flat_map(|&(lamp, exitance, face)| {
-            let count = (PIECES * lamp.area() / whole).max(LEAST_PIECES);
-            let pieces = pieces(lamp.corners(), counts(lamp.corners(), count)).into_iter();
-            pieces.filter_map(move |corners| Piece::new(&corners, exitance, face, rays))
+        let lamps = lamps.iter().map(|&(patch, exitance, face)| {
+            let count = (PIECES * patch.area() / whole).max(LEAST_PIECES);
+            let pieces = pieces(patch.corners(), counts(patch.corners(), count)).into_iter();
+            let pieces = pieces.filter_map(|corners| Piece::new(&corners, rays)).collect();
+            Lamp { whole: Shape::new(patch), exitance, face, pieces }
         });
-        Self { pieces: pieces.collect(), turns: rays * rays }
+        Self { lamps: lamps.collect(), turns: rays * rays }
     }
 
     /// The irradiance straight from the lamps \[W/m²\] by the points of one turn. Over all turns every
-    /// lamp is covered evenly. A piece counts with its exact form factor, and is seen as a whole or
-    /// not at all.
+    /// lamp is covered evenly. A lamp counts with its form factor, and its pieces with their shares in it; a piece
+    /// is seen as a whole or not at all.
     pub(crate) fn irradiance(&self, receiver: &Receiver, turn: usize, shadows: &Occluders) -> Rgb {
-        let mut sum = [0.0; 3];
-        for piece in &self.pieces {
-            let factor = piece.form_factor(receiver);
-            let point = piece.points[turn % self.turns];
-            let faces = [receiver.face, piece.face];
-            if factor > 0.0 && !shadows.blocked(receiver.position, point, faces) {
-                for (sum, exitance) in sum.iter_mut().zip(piece.exitance) {
-                    *sum += factor * exitance;
-                }
-            }
+        let turn = turn % self.turns;
+        let faced = self.lamps.iter().map(|lamp| (lamp, lamp.whole.form_factor(receiver, FAR)));
+        let faced: Vec<_> = faced.filter(|&(_, factor)| factor > 0.0).collect();
+        let from = receiver.position;
+        let segments = faced.iter().flat_map(|(lamp, _)| {
+            let segment = |piece: &Piece| {
+                let faces = [receiver.face, lamp.face];
+                Segment { ends: [from, piece.points[turn]], faces }
+            };
+            lamp.pieces.iter().map(segment)
+        });
+        let segments: Vec<Segment> = segments.collect();
+        let mut hidden = vec![false; segments.len()];
+        shadows.blocked_each(&segments, |k, is_hidden| hidden[k] = is_hidden);
+        let (mut sum, mut rest) = ([0.0; 3], &hidden[..]);
+        for (lamp, factor) in faced {
+            let (own, others) = rest.split_at(lamp.pieces.len());
+            rest = others;
+            let factor = factor * if own.contains(&true) { lamp.share(own, receiver) } else { 1.0 };
+            sum = [0, 1, 2].map(|band| sum[band] + factor * lamp.exitance[band]);
         }
         sum
     }
@@ -104,39 +115,75 @@ const MOST_AREA: f64 = 0.1;
 const PIECES: f64 = 16.0;
 /// About how many pieces a lamp has at least.
 const LEAST_PIECES: f64 = 4.0;
-/// Beyond this many times its extent, a piece's form factor is that of its centroid to within a
+/// Beyond this many times its extent, a shape's form factor is that of its centroid to within a
 /// thousandth.
 const FAR: f64 = 12.0;
+/// Beyond this many, form factors of centroids tell which shares the pieces of a lamp have in its own.
+const NOT_NEAR: f64 = 4.0;
+
+/// An emitting surface.
+#[derive(Clone, Debug)]
+struct Lamp {
+    whole: Shape,
+    exitance: Rgb,
+    face: u32,
+    pieces: Vec<Piece>,
+}
+
+impl Lamp {
+    /// The share of its light that comes to a receiver from those pieces which aren't hidden.
+    fn share(&self, hidden: &[bool], receiver: &Receiver) -> f64 {
+        let (mut seen, mut all) = (0.0, 0.0);
+        for (piece, &is_hidden) in self.pieces.iter().zip(hidden) {
+            let factor = piece.shape.form_factor(receiver, NOT_NEAR);
+            all += factor;
+            seen += if is_hidden { 0.0 } else { factor };
+        }
+        if all > 0.0 { seen / all } else { 0.0 }
+    }
+}
 
 /// A piece of a lamp.
 #[derive(Clone, Debug)]
 struct Piece {
-    patch: Patch,
-    centroid: DVec3,
-    /// The longest of its diagonals and edges.
-    extent: f64,
-    exitance: Rgb,
-    face: u32,
+    shape: Shape,
     /// One point per turn.
     points: Vec<DVec3>,
 }
 
 impl Piece {
-    fn new(corners: &[DVec3], exitance: Rgb, face: u32, rays: usize) -> Option<Self> {
+    fn new(corners: &[DVec3], rays: usize) -> Option<Self> {
         let patch = Patch::new(corners).ok()?;
-        let reach = |from: &DVec3| corners.iter().map(|to| from.distance(*to)).fold(0.0, f64::max);
-        let extent = corners.iter().map(reach).fold(0.0, f64::max);
         let parts = pieces(corners, [rays as u32; 2]);
         let points =
             parts.iter().map(|part| part.iter().sum::<DVec3>() / part.len() as f64).collect();
-        Some(Self { patch, centroid: patch.centroid(), extent, exitance, face, points })
+        Some(Self { shape: Shape::new(patch), points })
+    }
+}
+
+/// What shines as a whole.
+#[derive(Clone, Debug)]
+struct Shape {
+    patch: Patch,
+    centroid: DVec3,
+    /// The longest of its diagonals and edges.
+    extent: f64,
+}
+
+impl Shape {
+    fn new(patch: Patch) -> Self {
+        let corners = patch.corners();
+        let reach = |from: &DVec3| corners.iter().map(|to| from.distance(*to)).fold(0.0, f64::max);
+        let extent = corners.iter().map(reach).fold(0.0, f64::max);
+        Self { patch, centroid: patch.centroid(), extent }
     }
 
-    /// The share of a receiver's view that the piece fills, each direction by its cosine.
-    fn form_factor(&self, receiver: &Receiver) -> f64 {
+    /// The share of a receiver's view that it fills, each direction by its cosine: of what is `far`, as many
+    /// times its extent, by its centroid.
+    fn form_factor(&self, receiver: &Receiver, far: f64) -> f64 {
         let line = self.centroid - receiver.position;
         let square = line.length_squared();
-        if square < (FAR * self.extent).powi(2) {
+        if square < (far * self.extent).powi(2) {
             return self.patch.form_factor_from(receiver.position, receiver.normal);
         }
         let cosines = [receiver.normal.dot(line), -self.patch.normal().dot(line)];

@@ -1,6 +1,7 @@
 //! Pictures of a solved scene: a camera, rays, smooth fields, light from lamps, colours.
 
 pub(crate) mod camera;
+pub(crate) mod exposure;
 pub(crate) mod film;
 pub(crate) mod fit;
 pub(crate) mod lamps;

@@ -6,7 +6,8 @@ use farfield_radiosity::{Error, Occluders};
 
 use crate::cutting::fields::Fields;
 use crate::pictures::camera::Camera;
-use crate::pictures::film::{Film, Lit, RAYS};
+use crate::pictures::exposure::RAYS;
+use crate::pictures::film::{Film, Lit};
 use crate::pictures::lamps::Lamps;
 use crate::pictures::palette;
 use crate::pictures::sight::Sight;
@@ -59,7 +60,8 @@ impl Picture {
             |field: &[f64]| -> Vec<Rgb> { field.chunks(fields.bands.max(1)).map(colour).collect() };
         let Sight { scene, mesh, .. } = *sight;
         let View { place, backs, repair } = View::new(scene, sight);
-        let film = Film { camera: Camera::at(&place).widened(size), backs, size };
+        let camera = Camera::at(&place).widened(size);
+        let film = Film { camera, backs, size, evenness: EVENNESS };
         let emission = of(&fields.emission);
         let irradiance = Smooth::new(&mesh.elements, sight, sight.occluders(), &of(irradiance));
         let lamps = Lamps::new(scene, mesh, &emission, RAYS);
@@ -96,7 +98,8 @@ impl Picture {
     ) -> Result<Self, Error> {
         check("radiosity", &fields.radiosity, sight, fields.bands)?;
         let View { place, backs, repair } = View::new(sight.scene, sight);
-        let film = Film { camera: Camera::at(&place).widened(size), backs, size };
+        let camera = Camera::at(&place).widened(size);
+        let film = Film { camera, backs, size, evenness: EVENNESS_OF_HEAT };
         let temperatures = temperatures(fields);
         let held: Vec<Rgb> = temperatures.iter().map(|&t| [t; 3]).collect();
         let field = Smooth::new(&sight.mesh.elements, sight, sight.occluders(), &held);
@@ -129,6 +132,11 @@ impl Picture {
     /// Columns and rows where nobody says otherwise.
     pub const SIZE: [usize; 2] = [720; 2];
 }
+
+/// The [evenness](Film::evenness) of radiances: less than the eye tells apart.
+const EVENNESS: f64 = 0.03;
+/// That of temperatures, which differ by little, and all colours go to what they differ by.
+const EVENNESS_OF_HEAT: f64 = 5e-4;
 
 /// The temperatures of elements \[K\] by the first band of their radiosity.
 fn temperatures(fields: &Fields) -> Vec<f64> {

@@ -13,6 +13,7 @@ mod sights;
 mod shaft;
 mod packet;
 mod pairs;
+mod segments;
 
 pub(crate) use bounds::Bounds;
 pub(crate) use facet::Facet;
@@ -22,6 +23,7 @@ pub(crate) use pairs::{AllPairs, SomePairs};
 pub(crate) use position::position;
 pub(crate) use shaft::Shaft;
 pub(crate) use shapes::Shape;
+pub use sights::Segment;
 pub(crate) use sights::Sights;
 
 #[cfg(test)]

@@ -18,11 +18,13 @@ pub(crate) struct Sights<'a> {
     shapes: Option<Shapes>,
 }
 
-/// A segment between two points on these faces.
+/// A segment between two points.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Segment {
-    pub(crate) ends: [DVec3; 2],
-    pub(crate) faces: [u32; 2],
+pub struct Segment {
+    /// The points.
+    pub ends: [DVec3; 2],
+    /// The faces on which they lie, which hide nothing from them; [`NO_FACE`](Surfel::NO_FACE) is none.
+    pub faces: [u32; 2],
 }
 
 /// Pairs of which one receives no more of its light from the other have one ray, between points at random:
