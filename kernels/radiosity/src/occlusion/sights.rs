@@ -138,7 +138,7 @@ pub(crate) fn rays([a, b]: [&Shape; 2], weak: bool) -> Rays {
     }
     let key = mixed(u64::from(low.number) << 32 | u64::from(high.number));
     let [turn, start] = [key as usize % POINTS, key as usize / POINTS % POINTS];
-    let mut left = if weak { 1 } else { POINTS };
+    let most = if weak { 1 } else { POINTS };
     for k in 0..POINTS {
         let bits = mixed(key ^ k as u64);
         let [u, v, w, t] = [0, 16, 32, 48].map(|shift| f64::from((bits >> shift) as u16) * UNIT);
@@ -146,10 +146,12 @@ pub(crate) fn rays([a, b]: [&Shape; 2], weak: bool) -> Rays {
         let p = low.point_of_quarter(from, [u, v]);
         let q = high.point_of_quarter((from + turn) % POINTS, [w, t]);
         // What is below a horizon is not hidden: the kernel leaves it out.
-        if left > 0 && low.normal().dot(q - p) > 0.0 && high.normal().dot(p - q) > 0.0 {
+        if low.normal().dot(q - p) > 0.0 && high.normal().dot(p - q) > 0.0 {
             rays.ends[rays.count] = if in_order { [p, q] } else { [q, p] };
             rays.count += 1;
-            left -= 1;
+            if rays.count == most {
+                break;
+            }
         }
     }
     rays.count = rays.count.max(1);
