@@ -188,14 +188,16 @@ impl Run<'_> {
 
         let bar = progress.spinner("closing");
         let mut operator = RadiosityOperator::new(elements, |b| gather.apply(b), corrections)?;
-        let row_sums = operator.row_sums()?;
         let rays = (ALL_RAYS / elements.len().max(1)).clamp(LEAST_RAYS, MOST_RAYS);
         let around = Surroundings::new(elements, sight.occluders(), rays);
+        let passes = args.visibility == VisibilityName::None;
+        operator.leave_out(if passes { vec![false; elements.len()] } else { around.buried() })?;
+        let row_sums = operator.row_sums()?;
         let parts =
             if scene.closed { around.closed_parts().to_vec() } else { vec![None; elements.len()] };
         let row_error = around.row_error(&row_sums);
         // Light that passes through everything closes nothing.
-        let closure = if args.visibility == VisibilityName::None {
+        let closure = if passes {
             Closure::default()
         } else {
             operator.close_parts(parts.clone(), MOST_CLOSURE).map_err(|error| self.placed(error))?

@@ -134,7 +134,11 @@ impl Warning {
         factors: impl Fn(usize) -> f64,
     ) -> Vec<Self> {
         let mut warnings = Vec::new();
-        let change = |element: usize| factors(element).powi(2) - 1.0;
+        // What is left out, buried in bodies, has no row to close.
+        let takes_part = |element: usize| factors(element) > 0.0;
+        let change = |element: usize| {
+            if takes_part(element) { factors(element).powi(2) - 1.0 } else { 0.0 }
+        };
         let worst = (0..row_sums.len())
             .max_by(|&i, &j| change(i).abs().total_cmp(&change(j).abs()))
             .filter(|&element| change(element).abs() > CLOSURE);
@@ -150,7 +154,9 @@ impl Warning {
         let is_dark = |&element: &usize| {
             let surfel = mesh.elements[element].surfel();
             // What a solid stands on has nothing to see.
-            row_sums[element] < DARK && !sight.is_buried(surfel.position, surfel.normal)
+            row_sums[element] < DARK
+                && takes_part(element)
+                && !sight.is_buried(surfel.position, surfel.normal)
         };
         if scene.closed {
             let dark: Vec<_> = (0..row_sums.len()).filter(is_dark).collect();

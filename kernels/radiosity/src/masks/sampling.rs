@@ -85,14 +85,14 @@ impl Sampling {
 
     /// Whether elements of two groups may be so close that their sizes count.
     pub(crate) fn are_near(&self, groups: [&[Shape]; 2]) -> bool {
-        let points = groups.map(|group| Bounds::of(group.iter().map(|s| s.points[0].to_array())));
+        let centroids =
+            groups.map(|group| Bounds::of(group.iter().map(|s| s.centroid().to_array())));
         let radii = groups.map(|group| group.iter().map(|s| s.radius).fold(0.0, f64::max));
-        let [a, b] = &points;
+        let [a, b] = &centroids;
         let gap = |k: usize| (a.low[k] - b.high[k]).max(b.low[k] - a.high[k]).max(0.0);
-        // A point of an element is no further from its centroid than its radius.
-        let gap = DVec3::new(gap(0), gap(1), gap(2)).length() - radii[0] - radii[1];
+        let gap = DVec3::new(gap(0), gap(1), gap(2)).length();
         let squares = radii[0].powi(2) + radii[1].powi(2);
-        squares > 0.0 && (gap <= 0.0 || gap * gap <= self.kappa * squares)
+        squares > 0.0 && gap * gap <= self.kappa * squares
     }
 
     /// Whether they exchange so little that it doesn't matter which of their points see each other.
@@ -203,6 +203,7 @@ pub(crate) fn order<P: farfield::Located>(a: &CellView<'_, P>, b: &CellView<'_, 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::elements::Element;
     use approx::assert_relative_eq;
     use farfield::{Cell, Cube};
     use glam::DVec3;
@@ -288,12 +289,13 @@ mod tests {
     #[test]
     fn groups_are_near_while_some_of_their_elements_may_be() {
         let shapes = |height: f64, count: usize| -> Vec<Shape> {
-            let shape = |s: &Surfel| Shape { radius: 0.1, ..Shape::point(s) };
-            square(count, height, 1.0, 0).iter().map(shape).collect()
+            let area = std::f64::consts::PI * 0.01;
+            let shape = |s: Surfel| Shape::new(0, &Element::disk(Surfel { area, ..s }));
+            square(count, height, 1.0, 0).into_iter().map(shape).collect()
         };
         let sampling = Sampling { most: 1.0, brightness: vec![], kappa: 8.0 };
         // Elements are corrected up to a distance of √(8 · 0.02) = 0.4 of their centroids.
-        for (height, near) in [(0.0, true), (0.39, true), (0.59, true), (0.61, false)] {
+        for (height, near) in [(0.0, true), (0.39, true), (0.41, false), (0.61, false)] {
             let groups = [shapes(0.0, 16), shapes(height, 64)];
             assert_eq!(sampling.are_near([&groups[0], &groups[1]]), near, "{height}");
             assert_eq!(sampling.are_near([&groups[1], &groups[0]]), near, "{height}");

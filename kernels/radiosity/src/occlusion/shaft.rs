@@ -199,7 +199,7 @@ impl Polygon {
 }
 
 fn corners_of(shapes: &[Shape]) -> impl Iterator<Item = DVec3> {
-    shapes.iter().flat_map(|shape| shape.corners)
+    shapes.iter().flat_map(Shape::corners)
 }
 
 /// The face that all surfels lie on, if it is one and the same.

@@ -10,19 +10,12 @@ use crate::elements::{Element, Surfel};
 use crate::numbers::mixed;
 use crate::occlusion::position;
 
-/// Points of an element that rays start from and end at.
-pub(crate) const POINTS: usize = 4;
-
-/// Where an element lies, and where rays to it end.
+/// An element as rays to it see it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Shape {
     /// The number of the element among all.
     pub(crate) number: u32,
-    /// Corners of a convex polygon around it.
-    pub(crate) corners: [DVec3; 4],
-    /// One in each quarter of it, at random there: on no border, and in step with nothing.
-    pub(crate) points: [DVec3; POINTS],
-    pub(crate) normal: DVec3,
+    element: Element,
     /// See [`Element::radius`].
     pub(crate) radius: f64,
 }
@@ -55,34 +48,43 @@ impl Shapes {
 }
 
 impl Shape {
-    fn new(number: usize, element: &Element) -> Self {
-        let radius = element.radius();
-        let corners = match element.as_patch().map(|patch| patch.corners()) {
-            Some(&[a, b, c]) => [a, b, c, c],
-            Some(&[a, b, c, d]) => [a, b, c, d],
-            _ => {
-                let Surfel { position, normal, .. } = *element.surfel();
-                let (x, y) = normal.any_orthonormal_pair();
-                [x + y, x - y, -x - y, y - x].map(|corner| position + corner * radius)
-            }
-        };
-        let within = |k: usize| {
-            let bits = mixed((number * 2 * POINTS + k) as u64) >> 11;
-            bits as f64 / (1u64 << 53) as f64
-        };
-        let points = std::array::from_fn(|k| {
-            let [row, column] = [k / 2, k % 2].map(|k| k as f64);
-            element.point_at([0.5 * (row + within(2 * k)), 0.5 * (column + within(2 * k + 1))])
-        });
-        let normal = element.surfel().normal;
-        Self { number: number as u32, corners, points, normal, radius }
+    pub(crate) fn new(number: usize, element: &Element) -> Self {
+        Self { number: number as u32, element: *element, radius: element.radius() }
     }
 
     /// A surfel that no element is known to have: a point.
     pub(crate) fn point<T: Real>(surfel: &Surfel<T>) -> Self {
-        let at = position(surfel);
         let normal = DVec3::from_array(surfel.normal.to_array().map(T::as_f64));
-        Self { number: u32::MAX, corners: [at; 4], points: [at; POINTS], normal, radius: 0.0 }
+        let surfel = Surfel { position: position(surfel), normal, area: 0.0, face: surfel.face };
+        Self { number: u32::MAX, element: Element::disk(surfel), radius: 0.0 }
+    }
+
+    /// Its centroid.
+    pub(crate) fn centroid(&self) -> DVec3 {
+        self.element.surfel().position
+    }
+
+    pub(crate) fn normal(&self) -> DVec3 {
+        self.element.surfel().normal
+    }
+
+    /// Corners of a convex polygon around it.
+    pub(crate) fn corners(&self) -> [DVec3; 4] {
+        match self.element.as_patch().map(|patch| patch.corners()) {
+            Some(&[a, b, c]) => [a, b, c, c],
+            Some(&[a, b, c, d]) => [a, b, c, d],
+            _ => {
+                let (x, y) = self.normal().any_orthonormal_pair();
+                let aside = [x + y, x - y, -x - y, y - x];
+                aside.map(|corner| self.centroid() + corner * self.radius)
+            }
+        }
+    }
+
+    /// A point of one of its quarters for each point of the unit square, evenly over the quarter's area.
+    pub(crate) fn point_of_quarter(&self, quarter: usize, [u, v]: [f64; 2]) -> DVec3 {
+        let [row, column] = [quarter / 2, quarter % 2].map(|k| k as f64);
+        self.element.point_at([0.5 * (row + u), 0.5 * (column + v)])
     }
 }
 

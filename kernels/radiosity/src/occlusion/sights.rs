@@ -8,7 +8,7 @@ use glam::DVec3;
 use crate::elements::{Element, Projections, Surfel};
 use crate::numbers::{in_cube, mixed};
 use crate::occlusion::occluders::Occluders;
-use crate::occlusion::shapes::{POINTS, Shape, Shapes};
+use crate::occlusion::shapes::{Shape, Shapes};
 
 /// What hides, and the elements that are hidden. Of elements whose shapes are known, rays go from all over one
 /// to all over the other; others are their centroids.
@@ -30,6 +30,9 @@ pub struct Segment {
 /// Pairs of which one receives no more of its light from the other have one ray, between points at random:
 /// what that is off by is lost among many such pairs. Others have [`POINTS`] rays.
 const WEAK: f64 = 1.0 / 4096.0;
+
+/// Rays between two elements, as many as quarters.
+const POINTS: usize = 4;
 
 impl<'a> Sights<'a> {
     pub(crate) fn of_points(occluders: &'a Occluders) -> Self {
@@ -120,41 +123,45 @@ pub(crate) fn is_weak<T: Real>(pair: &Projections<T>) -> bool {
     pair.kernel().as_f64() * pair.area.as_f64() <= WEAK
 }
 
-/// The ends of the rays between two shapes, the same for both orders but for theirs: from each point of one
-/// to another point of the other, as far as these face each other, or one of them if the pair is `weak`. One
+/// The ends of the rays between two shapes, the same for both orders but for theirs: from each quarter of one
+/// to another quarter of the other, as far as these face each other, or one of them if the pair is `weak`. One
 /// between their middles if none does, and between points.
+///
+/// Where in the quarters they end is up to each pair. If all rays to an element ended at the same few points
+/// of it, an edge close to one of these would hide it from all others, and what that is off by would add up.
 pub(crate) fn rays([a, b]: [&Shape; 2], weak: bool) -> Rays {
     let in_order = a.number <= b.number;
     let (low, high) = if in_order { (a, b) } else { (b, a) };
-    let middle = |shape: &Shape| shape.points.iter().sum::<DVec3>() / POINTS as f64;
-    let mut rays = Rays { ends: [[DVec3::ZERO; 2]; POINTS], count: 0 };
-    let mut add = |p: DVec3, q: DVec3| {
-        rays.ends[rays.count] = if in_order { [p, q] } else { [q, p] };
-        rays.count += 1;
-    };
+    // That between centroids stays, if there is no other.
+    let mut rays = Rays { ends: [[a.centroid(), b.centroid()]; POINTS], count: 0 };
     if high.number == u32::MAX {
-        add(low.points[0], high.points[0]);
+        rays.count = 1;
         return rays;
     }
-    let key = mixed(u64::from(low.number) << 32 | u64::from(high.number)) as usize;
-    let [turn, start] = [key % POINTS, key / POINTS % POINTS];
-    let mut left = if weak { 1 } else { POINTS };
+    let key = mixed(u64::from(low.number) << 32 | u64::from(high.number));
+    let [turn, start] = [key as usize % POINTS, key as usize / POINTS % POINTS];
+    let most = if weak { 1 } else { POINTS };
     for k in 0..POINTS {
+        let bits = mixed(key ^ k as u64);
+        let [u, v, w, t] = [0, 16, 32, 48].map(|shift| f64::from((bits >> shift) as u16) * UNIT);
         let from = (start + k) % POINTS;
-        let (p, q) = (low.points[from], high.points[(from + turn) % POINTS]);
+        let p = low.point_of_quarter(from, [u, v]);
+        let q = high.point_of_quarter((from + turn) % POINTS, [w, t]);
         // What is below a horizon is not hidden: the kernel leaves it out.
-        if left > 0 && low.normal.dot(q - p) > 0.0 && high.normal.dot(p - q) > 0.0 {
-            add(p, q);
-            left -= 1;
+        if low.normal().dot(q - p) > 0.0 && high.normal().dot(p - q) > 0.0 {
+            rays.ends[rays.count] = if in_order { [p, q] } else { [q, p] };
+            rays.count += 1;
+            if rays.count == most {
+                break;
+            }
         }
     }
-    if rays.count == 0 {
-        rays.ends[0] =
-            if in_order { [middle(low), middle(high)] } else { [middle(high), middle(low)] };
-        rays.count = 1;
-    }
+    rays.count = rays.count.max(1);
     rays
 }
+
+/// Sixteen bits after the point.
+const UNIT: f64 = 1.0 / 65536.0;
 
 /// The ends of some rays.
 #[derive(Clone, Copy, Debug)]
@@ -219,6 +226,23 @@ mod tests {
             assert_eq!(centroids.close_share([0, 1], [a, b], true), all);
         }
         assert!(error.abs() < 0.03, "{error}");
+    }
+
+    #[test]
+    fn what_hides_a_part_of_an_element_hides_no_more_of_it_from_all_others_together() {
+        // A shelf over an eighth of a floor, close to it, and a ceiling far above in many pieces.
+        let [x, y, z] = DVec3::AXES;
+        let mut scene = Scene::new();
+        scene.add_quad([DVec3::ZERO, x, x + y, y], 1, 1);
+        scene.add_quad([z, z + y, z + x + y, z + x].map(|c| c + 9.0 * z), 20, 20);
+        let [low, high] = [-x - y, 0.125 * x - y].map(|c| c + 1e-3 * z);
+        scene.add_quad([low, high, high + 3.0 * y, low + 3.0 * y], 0, 0);
+        let occluders = Occluders::new(&scene.triangles).unwrap();
+        let sights = Sights::of_elements(&occluders, &scene.elements);
+        let [floor, ceiling @ ..] = &scene.elements[..] else { panic!() };
+        let share = |piece: &Element| sights.share(floor.surfel(), piece.surfel()).0;
+        let mean = ceiling.iter().map(share).sum::<f64>() / ceiling.len() as f64;
+        assert!((mean - 0.875).abs() < 0.02, "{mean}");
     }
 
     #[test]

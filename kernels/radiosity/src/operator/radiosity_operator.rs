@@ -42,6 +42,8 @@ pub struct RadiosityOperator<'a, const BANDS: usize> {
     pub(super) parts: Vec<Option<u32>>,
     /// A⁻¹ R; empty if there is no closed part.
     pub(super) own: Vec<f64>,
+    /// Which elements take no part; empty if all do.
+    left_out: Vec<bool>,
 }
 
 type Sum<'a, const BANDS: usize> =
@@ -60,8 +62,19 @@ impl<'a, const BANDS: usize> RadiosityOperator<'a, BANDS> {
     ) -> Result<Self, Error> {
         check_length("corrections", corrections.len(), elements.len())?;
         let areas = elements.iter().map(|element| element.surfel().area).collect();
-        let (scaling, parts, own) = (Vec::new(), Vec::new(), Vec::new());
-        Ok(Self { sum: Box::new(sum), corrections, areas, scaling, parts, own })
+        let (scaling, parts, own, left_out) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        Ok(Self { sum: Box::new(sum), corrections, areas, scaling, parts, own, left_out })
+    }
+
+    /// Leaves some elements out: they give nothing to others and receive nothing, as what lies
+    /// [buried](crate::Surroundings::buried) in a body. To be said before rows are closed.
+    ///
+    /// # Errors
+    /// [`Error::LengthMismatch`] unless there is an entry for each element.
+    pub fn leave_out(&mut self, left_out: Vec<bool>) -> Result<(), Error> {
+        check_length("elements left out", left_out.len(), self.areas.len())?;
+        self.left_out = if left_out.contains(&true) { left_out } else { Vec::new() };
+        Ok(())
     }
 
     /// The irradiance H of each element for radiosities B, in the same units.
@@ -144,9 +157,11 @@ impl<'a, const BANDS: usize> RadiosityOperator<'a, BANDS> {
         &self.corrections
     }
 
-    /// The factor d_j by which an element's radiosity counts, and its irradiance.
+    /// The factor d_j by which an element's radiosity counts, and its irradiance: 0 if it is
+    /// [left out](Self::leave_out).
     pub fn scaling(&self, j: usize) -> f64 {
-        self.scaling.get(j).copied().unwrap_or(1.0)
+        let left_out = self.left_out.get(j).is_some_and(|&left_out| left_out);
+        if left_out { 0.0 } else { self.scaling.get(j).copied().unwrap_or(1.0) }
     }
 
     /// What an element of a closed part gives to itself, as a form factor: what its row lacks to 1 after the
@@ -186,18 +201,25 @@ impl<'a, const BANDS: usize> RadiosityOperator<'a, BANDS> {
         let mut irradiance = (self.sum)(&scaled)?;
         check_length("irradiance", irradiance.len(), self.areas.len())?;
         self.corrections.add(&scaled, &mut irradiance);
-        for (h, d) in irradiance.iter_mut().zip(&self.scaling) {
-            *h = h.map(|h| d * h);
+        if self.is_scaled() {
+            let rows = irradiance.iter_mut().enumerate();
+            rows.for_each(|(i, h)| *h = h.map(|h| self.scaling(i) * h));
         }
         Ok(irradiance)
     }
 
     /// D B
     fn scaled<'b>(&self, radiosity: &'b [[f64; BANDS]]) -> Cow<'b, [[f64; BANDS]]> {
-        if self.scaling.is_empty() {
+        if !self.is_scaled() {
             return Cow::Borrowed(radiosity);
         }
-        radiosity.iter().zip(&self.scaling).map(|(b, d)| b.map(|b| d * b)).collect()
+        let rows = radiosity.iter().enumerate();
+        rows.map(|(j, b)| b.map(|b| self.scaling(j) * b)).collect()
+    }
+
+    /// Whether D isn't 1.
+    fn is_scaled(&self) -> bool {
+        !(self.scaling.is_empty() && self.left_out.is_empty())
     }
 }
 
@@ -206,7 +228,7 @@ impl<const BANDS: usize> std::fmt::Debug for RadiosityOperator<'_, BANDS> {
         f.debug_struct("RadiosityOperator")
             .field("elements", &self.areas.len())
             .field("zones", &self.corrections.zones())
-            .field("scaled", &!self.scaling.is_empty())
+            .field("scaled", &self.is_scaled())
             .finish_non_exhaustive()
     }
 }
@@ -232,6 +254,29 @@ pub(super) mod tests {
 
     pub(in crate::operator) fn extremes(values: &[f64]) -> (f64, f64) {
         values.iter().fold((f64::INFINITY, 0.0), |(low, high), &v| (low.min(v), high.max(v)))
+    }
+
+    #[test]
+    fn what_is_left_out_gives_nothing_and_receives_nothing() {
+        let scene = furnace(4);
+        let count = scene.elements.len();
+        let left_out: Vec<bool> = (0..count).map(|i| i % 5 == 0).collect();
+        let nothing = Occluders::new(&[]).unwrap();
+        let corrections = Corrections::new(&scene.elements, &nothing, 1e-2).unwrap();
+        let mut operator =
+            RadiosityOperator::new(&scene.elements, sums(&scene), corrections).unwrap();
+        let b: Vec<[f64; 1]> = (0..count).map(|i| [1.0 + (i % 7) as f64]).collect();
+        let zeroed = |i: usize| if left_out[i] { [0.0] } else { b[i] };
+        let mut expected = operator.apply(&(0..count).map(zeroed).collect::<Vec<_>>()).unwrap();
+        (0..count).filter(|&i| left_out[i]).for_each(|i| expected[i] = [0.0]);
+        operator.leave_out(left_out.clone()).unwrap();
+        assert_eq!(operator.apply(&b).unwrap(), expected);
+        assert!(operator.reciprocity_error().unwrap() < 1e-12);
+        operator.close(Enclosure::Open, 0.5).unwrap();
+        let sums = operator.row_sums().unwrap();
+        assert!((0..count).all(|i| (sums[i] == 0.0) == left_out[i]));
+        assert!((0..count).all(|i| (operator.scaling(i) == 0.0) == left_out[i]));
+        assert!(operator.leave_out(vec![true]).is_err());
     }
 
     #[test]

@@ -20,6 +20,9 @@ pub struct Surroundings<'a> {
     parts: Vec<Option<u32>>,
 }
 
+/// Rays that tell whether an element that has seen nothing but backs sees anything else.
+const BURIED_RAYS: usize = 1 << 9;
+
 /// Rays from all elements of a part together that find no way out of it, at least.
 const CLOSED_RAYS: usize = 1 << 14;
 
@@ -27,7 +30,8 @@ impl<'a> Surroundings<'a> {
     /// Those of `elements` among `occluders`, by about `rays` rays from each of them.
     ///
     /// Elements that see each other, directly or by way of others, make up a part. It is closed if no ray
-    /// from any of its elements ends at a back or in the sky. O(N · rays) steps through the hierarchy of
+    /// from any of its elements ends at a back or in the sky, but for those that see backs alone: they are no
+    /// part of it. O(N · rays) steps through the hierarchy of
     /// the occluders.
     pub fn new(elements: &'a [Element], occluders: &'a Occluders, rays: usize) -> Self {
         let sides = Sides::new(elements);
@@ -78,6 +82,14 @@ impl<'a> Surroundings<'a> {
         }
     }
 
+    /// Which elements see backs and nothing else: they lie within bodies, or between bodies that touch. What
+    /// surfaces there exchange, if form factors are all that is known of them, never gets out, nor
+    /// does anything get in. O(N), and 512 rays from each of them.
+    pub fn buried(&self) -> Vec<bool> {
+        let of = |i: usize| self.seen(i).backs == 1.0 && self.look(i, BURIED_RAYS).backs == 1.0;
+        (0..self.elements.len()).into_par_iter().map(of).collect()
+    }
+
     /// What all elements see together, by their areas.
     pub fn mean(&self) -> Seen {
         let (mut mean, mut area) = (Seen::default(), 0.0);
@@ -120,6 +132,12 @@ struct Look {
     fronts: Vec<u32>,
 }
 
+impl Look {
+    fn is_buried(&self) -> bool {
+        self.seen.iter().all(|seen| seen.backs == 1.0)
+    }
+}
+
 /// The closed part of each element, numbered one after the other.
 fn closed_parts(sides: &Sides, looks: &[Look]) -> Vec<Option<u32>> {
     let mut groups = Union::new(sides.count());
@@ -129,12 +147,16 @@ fn closed_parts(sides: &Sides, looks: &[Look]) -> Vec<Option<u32>> {
     let mut closed = vec![true; sides.count()];
     for (i, look) in looks.iter().enumerate() {
         let group = groups.root(sides.of_element(i)) as usize;
-        closed[group] &= look.seen.iter().all(|seen| seen.backs == 0.0 && seen.sky == 0.0);
+        let sees_fronts = look.seen.iter().all(|seen| seen.backs == 0.0 && seen.sky == 0.0);
+        closed[group] &= sees_fronts || look.is_buried();
     }
     let mut numbers: Vec<Option<u32>> = vec![None; sides.count()];
     let mut count = 0;
     let number = |i: usize| {
         let group = groups.root(sides.of_element(i)) as usize;
+        if looks[i].is_buried() {
+            return None;
+        }
         if closed[group] && numbers[group].is_none() {
             numbers[group] = Some(count);
             count += 1;
@@ -256,6 +278,7 @@ mod tests {
                 let buried = Seen { backs: 1.0, ..Seen::default() };
                 assert_eq!(seen == buried, shared || below, "{surfel:?} {seen:?}");
                 assert!((shared || below) || seen.sky > 0.4);
+                assert_eq!(around.buried()[i], shared || below);
             }
         });
         // The two sides of one sheet, turned; the same as two faces back to back, and as one over another.

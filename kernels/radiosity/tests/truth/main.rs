@@ -1,6 +1,7 @@
 //! The library against exact values: factors of known bodies, and whole solutions.
 
 mod bodies;
+mod convergence;
 mod factors;
 mod operators;
 mod solutions;

@@ -1,0 +1,215 @@
+//! How fast form factors converge as elements get smaller: raw sums, before any row is closed.
+
+use std::f64::consts::{PI, TAU};
+use std::ops::Range;
+
+use farfield::Mask;
+use farfield_radiosity::{Irradiance, Occluders, Patch, Projections, Scene, Surfel, Visibility};
+use glam::DVec3;
+
+/// A form factor that is known exactly, and the scene that has it, by the number of pieces along an edge.
+///
+/// Round bodies in flat pieces are off by the square of their size. What else there is comes from near pairs, of
+/// which corrections leave a thousandth, and from the rays of partly hidden ones, which err at random.
+struct Case {
+    name: &'static str,
+    exact: f64,
+    scene: fn(usize) -> Parts,
+    sizes: [usize; 3],
+    /// The largest relative errors.
+    bounds: [f64; 3],
+}
+
+/// A scene, the elements of it that send, and those that receive.
+struct Parts {
+    scene: Scene,
+    from: Range<usize>,
+    to: Range<usize>,
+}
+
+const CASES: [Case; 6] = [
+    Case {
+        name: "squares, a corner of the view blocked",
+        exact: 0.149_868_671_8,
+        scene: corner_blocker,
+        sizes: [5, 9, 17],
+        bounds: [3e-3, 3e-3, 1.5e-3],
+    },
+    Case {
+        name: "box of 10 x 10 x 0.1, floor to ceiling",
+        exact: 0.980_416_6,
+        scene: thin_box,
+        sizes: [8, 16, 32],
+        bounds: [5e-5, 5e-5, 5e-5],
+    },
+    Case {
+        name: "concentric spheres, inner to outer",
+        exact: 1.0,
+        scene: spheres,
+        sizes: [4, 8, 16],
+        bounds: [1e-4, 1e-4, 2e-4],
+    },
+    Case {
+        name: "coaxial cylinders, 1/8 and 1/4",
+        exact: 0.910_868,
+        scene: |n| cylinders(n, 0.125, 0.25),
+        sizes: [8, 16, 32],
+        bounds: [4e-3, 1.2e-3, 3e-4],
+    },
+    Case {
+        name: "coaxial cylinders, 1/4 and 1/2",
+        exact: 0.825_256,
+        scene: |n| cylinders(n, 0.25, 0.5),
+        sizes: [8, 16, 32],
+        bounds: [8e-3, 2.5e-3, 5e-4],
+    },
+    Case {
+        name: "bowl five times as wide as deep, to itself",
+        exact: 4.0 / 29.0,
+        scene: bowl,
+        sizes: [3, 5, 8],
+        bounds: [3e-3, 2e-3, 1.5e-3],
+    },
+];
+
+#[test]
+fn raw_form_factors_are_those_known_exactly() {
+    println!("| form factor | elements | relative error | order |");
+    let mut missed = Vec::new();
+    for Case { name, exact, scene, sizes, bounds } in CASES {
+        // Rays err at random: the root mean square of three meshes of about the same size.
+        let found = sizes.map(|n| {
+            let errors = [n, n + 2, n + 4].map(|n| {
+                let parts = scene(n);
+                (parts.scene.elements.len(), factor(&parts) / exact - 1.0)
+            });
+            let squares = errors.iter().map(|(_, error)| error * error).sum::<f64>();
+            (errors[1].0, (squares / 3.0).sqrt())
+        });
+        let [first, .., last] = found;
+        let ratio = (sizes[2] + 2) as f64 / (sizes[0] + 2) as f64;
+        let slope = (first.1 / last.1).ln() / ratio.ln();
+        let elements = found.map(|(count, _)| count.to_string()).join(", ");
+        let errors = found.map(|(_, error)| format!("{error:.1e}")).join(", ");
+        println!("| {name} | {elements} | {errors} | {slope:.1} |");
+        if !found.iter().zip(bounds).all(|((_, error), bound)| *error < bound) {
+            missed.push(format!("{name}: {errors}, {slope}"));
+        }
+    }
+    assert!(missed.is_empty(), "{missed:#?}");
+}
+
+/// The mean form factor from some elements to others, pair by pair.
+fn factor(Parts { scene, from, to }: &Parts) -> f64 {
+    let occluders = Occluders::new(&scene.triangles).expect("finite");
+    let mask = Visibility::of_elements(&occluders, &scene.elements);
+    let corrections = mask.corrections(&scene.elements, 1e-3).expect("valid");
+    let (mut sum, mut area) = (0.0, 0.0);
+    for i in from.clone() {
+        let x: &Surfel = scene.elements[i].surfel();
+        area += x.area;
+        for j in to.clone().filter(|&j| j != i) {
+            let y = scene.elements[j].surfel();
+            let pair = Projections::new(x, y);
+            if pair.facing() {
+                let share = Mask::<Irradiance<f64>>::pair(&mask, x, y);
+                sum += share * pair.kernel() * x.area * y.area;
+            }
+        }
+        // C is symmetric: what i sends is what it receives, but for the areas.
+        let near = corrections.column(i).filter(|(j, _)| to.contains(j));
+        sum += near.map(|(j, value)| value * scene.elements[j].surfel().area).sum::<f64>();
+    }
+    sum / area
+}
+
+fn corner_blocker(n: usize) -> Parts {
+    let [x, y, z] = DVec3::AXES;
+    let mut scene = Scene::new();
+    scene.add_quad([DVec3::ZERO, x, x + y, y], n, n);
+    scene.add_quad([z, z + y, z + x + y, z + x], n, n);
+    let [u, v, middle] = [x, y, z].map(|edge| 0.5 * edge);
+    scene.add_quad([middle, middle + u, middle + u + v, middle + v], 0, 0);
+    Parts { scene, from: 0..n * n, to: n * n..2 * n * n }
+}
+
+fn thin_box(n: usize) -> Parts {
+    let [x, y, z] = [DVec3::X * 10.0, DVec3::Y * 10.0, DVec3::Z * 0.1];
+    let mut scene = Scene::new();
+    scene.add_quad([DVec3::ZERO, x, x + y, y], n, n);
+    scene.add_quad([z, z + y, z + x + y, z + x], n, n);
+    Parts { scene, from: 0..n * n, to: n * n..2 * n * n }
+}
+
+fn spheres(n: usize) -> Parts {
+    let mut scene = Scene::new();
+    let polar = |row: usize, radius: f64| {
+        let (sin, cos) = (PI * row as f64 / n as f64).sin_cos();
+        [radius * sin, radius * cos]
+    };
+    add_round(&mut scene, 2 * n, &(0..=n).map(|row| polar(row, 1.0)).collect::<Vec<_>>(), true);
+    let inner = scene.elements.len();
+    add_round(&mut scene, 2 * n, &(0..=n).map(|row| polar(row, 1.5)).collect::<Vec<_>>(), false);
+    let all = scene.elements.len();
+    Parts { scene, from: 0..inner, to: inner..all }
+}
+
+fn cylinders(n: usize, small: f64, large: f64) -> Parts {
+    let mut scene = Scene::new();
+    let mantle = |radius: f64| -> Vec<[f64; 2]> {
+        (0..=n).map(|row| [radius, 1.0 - row as f64 / n as f64]).collect()
+    };
+    add_round(&mut scene, n, &mantle(small), true);
+    let inner = scene.elements.len();
+    add_round(&mut scene, n, &mantle(large), false);
+    let all = scene.elements.len();
+    Parts { scene, from: 0..inner, to: inner..all }
+}
+
+fn bowl(n: usize) -> Parts {
+    // From the rim down to the bottom: tan(θ/2) = 2 depth / width.
+    let rim = 2.0 * 0.4f64.atan();
+    let polar = |row: usize| {
+        let (sin, cos) = (rim * (1.0 - row as f64 / n as f64)).sin_cos();
+        [sin, -cos]
+    };
+    let mut scene = Scene::new();
+    add_round(&mut scene, 4 * n, &(0..=n).map(polar).collect::<Vec<_>>(), false);
+    let all = scene.elements.len();
+    Parts { scene, from: 0..all, to: 0..all }
+}
+
+/// A surface of revolution in flat pieces, by the radii and heights of its profile from top to bottom. Its
+/// front is outwards, or inwards.
+fn add_round(scene: &mut Scene, count: usize, profile: &[[f64; 2]], outwards: bool) {
+    let at = |[radius, height]: [f64; 2], k: usize| {
+        let (sin, cos) = (TAU * (k % count) as f64 / count as f64).sin_cos();
+        DVec3::new(radius * cos, radius * sin, height)
+    };
+    for rows in profile.windows(2) {
+        for k in 0..count {
+            let [above, below] = [rows[0], rows[1]];
+            let corners = [at(above, k), at(below, k), at(below, k + 1), at(above, k + 1)];
+            let corners = if outwards {
+                corners
+            } else {
+                let [a, b, c, d] = corners;
+                [d, c, b, a]
+            };
+            add_piece(scene, corners);
+        }
+    }
+}
+
+/// A quadrilateral of which two corners may be one, at a pole.
+fn add_piece(scene: &mut Scene, corners: [DVec3; 4]) {
+    let mut found: Vec<DVec3> = Vec::new();
+    for corner in corners {
+        if found.iter().all(|other| other.distance(corner) > 1e-12) {
+            found.push(corner);
+        }
+    }
+    let face = scene.add_quad(corners, 0, 0);
+    let patch = Patch::new(&found).expect("flat");
+    scene.elements.push(farfield_radiosity::Element::patch(patch, face));
+}
