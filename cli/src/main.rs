@@ -5,8 +5,10 @@
 //! farfield sum --points points.npy --charges charges.npy --kernel inverse-distance --out values.npy
 //! ```
 //!
-//! `farfield help`, `farfield radiosity --help` and `farfield sum --help` explain every flag.
+//! `farfield kernels` lists the kernels that `sum` knows by name; it takes formulas, too. `farfield help`,
+//! `farfield radiosity --help` and `farfield sum --help` explain every flag.
 
+mod kernels;
 mod memory;
 mod radiosity;
 mod sum;
@@ -26,12 +28,15 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    /// Lists the kernels that `farfield sum` knows by name, with their formulas and parameters
+    Kernels,
     Radiosity(Box<radiosity::Args>),
     Sum(Box<sum::Args>),
 }
 
 fn main() -> ExitCode {
     match Cli::try_parse() {
+        Ok(Cli { command: Command::Kernels }) => kernels::main(),
         Ok(Cli { command: Command::Radiosity(args) }) => radiosity::main(&args),
         Ok(Cli { command: Command::Sum(args) }) => sum::main(&args),
         Err(error) => explain(&error),

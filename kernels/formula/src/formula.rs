@@ -20,6 +20,8 @@ pub struct TextFormula {
     entries: Arc<[Id]>,
     rows: usize,
     coincident: Coincident,
+    /// The name of the ready kernel that it is.
+    name: Option<&'static str>,
 }
 
 /// What a kernel is between points at the same position.
@@ -48,6 +50,7 @@ impl TextFormula {
             entries: parsed.entries.into(),
             rows: parsed.rows,
             coincident: Coincident::Skip,
+            name: None,
         })
     }
 
@@ -59,6 +62,16 @@ impl TextFormula {
     /// What holds for points at the same position.
     pub fn at_coincident_points(&self) -> Coincident {
         self.coincident
+    }
+
+    /// The same formula, known as the ready kernel of that name.
+    pub(crate) fn named(self, name: &'static str) -> Self {
+        Self { name: Some(name), ..self }
+    }
+
+    /// Whether it was asked for as the ready kernel of that name.
+    pub(crate) fn is_ready(&self, name: &str) -> bool {
+        self.name == Some(name)
     }
 
     /// The text.

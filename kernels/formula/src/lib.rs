@@ -34,6 +34,12 @@
 //! A text that speaks of `x1` or `y1` and their like depends on positions. All others depend on x − y alone. The engine
 //! finds out for itself.
 //!
+//! # Ready kernels, and arrays
+//!
+//! [`READY`] has kernels by name, and [`Ready::or_text`] takes a name or a text. A [`Plan`] sums whatever they give, from
+//! plain arrays to plain arrays: for programs that don't know the kernel when they are compiled. A text is never taken
+//! for a ready kernel that it happens to be.
+//!
 //! # How it is evaluated
 //!
 //! Constants are folded, what occurs twice is computed once, small powers are products and roots, and quotients are
@@ -45,8 +51,12 @@ mod formula;
 mod graph;
 mod kernel;
 mod machine;
+mod plan;
+mod ready;
 mod text;
 
 pub use formula::{Coincident, TextFormula};
 pub use kernel::TextKernel;
+pub use plan::{Options, Plan, direct_sums};
+pub use ready::{KernelError, Parameter, READY, Ready};
 pub use text::error::{Problem, TextError};
