@@ -2,7 +2,7 @@
 //! business of `farfield/__init__.py`.
 
 use farfield::{Error, Point, Real, Vector};
-use farfield_formula::{Coincident, Options, READY, Ready, TextFormula};
+use farfield_formula::{Coincident, Options, Precision, READY, Ready, TextFormula};
 use numpy::{Element, PyArray1, PyReadonlyArray1};
 use pyo3::import_exception;
 use pyo3::prelude::*;
@@ -72,7 +72,7 @@ struct Planned<T> {
     pool: Option<ThreadPool>,
 }
 
-impl<T: Real + Element> Planned<T> {
+impl<T: Precision + Element> Planned<T> {
     fn new(
         py: Python<'_>,
         kernel: &Kernel,
@@ -143,7 +143,8 @@ macro_rules! plan {
                 options.gradient = gradient;
                 options.applications = applications;
                 // Copies: another thread of Python might write to the arrays meanwhile.
-                let (sources, targets) = (sources.as_slice()?.to_vec(), targets.as_slice()?.to_vec());
+                let (sources, targets) =
+                    (sources.as_slice()?.to_vec(), targets.as_slice()?.to_vec());
                 let kernel = Kernel(kernel.0.clone());
                 Ok(Self(Planned::new(py, &kernel, &sources, &targets, &options, threads)?))
             }

@@ -6,7 +6,7 @@ use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use farfield::Real;
+use farfield_formula::Precision;
 use ndarray::{ArrayView1, ArrayView2};
 use ndarray_npy::{WritableElement, WriteNpyExt};
 
@@ -35,7 +35,7 @@ impl Problem {
 }
 
 /// A number that can be written in every format.
-pub(crate) trait Number: Real + WritableElement + LowerExp {}
+pub(crate) trait Number: Precision + WritableElement + LowerExp {}
 
 impl Number for f32 {}
 impl Number for f64 {}

@@ -57,6 +57,6 @@ mod text;
 
 pub use formula::{Coincident, TextFormula};
 pub use kernel::TextKernel;
-pub use plan::{Options, Plan, direct_sums};
+pub use plan::{Options, Plan, Precision, direct_sums};
 pub use ready::{KernelError, Parameter, READY, Ready};
 pub use text::error::{Problem, TextError};

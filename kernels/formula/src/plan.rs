@@ -49,7 +49,7 @@ pub struct Plan<T> {
     targets: usize,
 }
 
-impl<T: Real> Plan<T> {
+impl<T: Precision> Plan<T> {
     /// Plans the sums of a kernel. 1/r, as it is [known by name](crate::Ready), is summed by
     /// [`farfield_potentials`], which knows it better.
     ///
@@ -63,23 +63,7 @@ impl<T: Real> Plan<T> {
     ) -> Result<Self, Error> {
         let parts = if options.gradient { 4 } else { 1 };
         let (fields, densities) = (kernel.rows(), kernel.columns());
-        let inputs = Inputs { sources, targets, options };
-        let is_laplace =
-            kernel.is_ready("laplace") && kernel.at_coincident_points() == Coincident::Skip;
-        let sum = match (fields, densities, options.gradient) {
-            (1, 1, false) if is_laplace => inputs.plan(InverseDistance::<T>::new()),
-            (1, 1, true) if is_laplace => inputs.plan(InverseDistance::<T>::new().with_gradient()),
-            (1, 1, false) => inputs.plan(kernel.kernel::<Point<T>, T, T>()),
-            (1, 1, true) => inputs.plan(kernel.kernel::<Point<T>, T, T>().gradient::<[T; 4]>()),
-            (3, 3, false) => inputs.plan(kernel.kernel::<Point<T>, [T; 3], [T; 3]>()),
-            (_, _, false) => {
-                inputs.plan(kernel.kernel::<Point<T>, Vec<T>, Vec<T>>().with_columns(1))
-            }
-            (_, _, true) => {
-                let kernel = kernel.kernel::<Point<T>, Vec<T>, Vec<T>>().with_columns(1);
-                inputs.plan(kernel.gradient::<Vec<T>>())
-            }
-        }?;
+        let sum = T::plan(kernel, sources, targets, options)?;
         let (sources, targets) = (sources.len(), targets.len());
         Ok(Self { sum, densities, numbers: parts * fields, sources, targets })
     }
@@ -151,22 +135,70 @@ impl<T> std::fmt::Debug for Plan<T> {
 ///
 /// # Errors
 /// As [`Plan::apply`].
-pub fn direct_sums<T: Real>(
+pub fn direct_sums<T: Precision>(
     kernel: &TextFormula,
     sources: &[Point<T>],
     charges: &[T],
     targets: &[Point<T>],
     gradient: bool,
 ) -> Result<Vec<T>, Error> {
-    type Lists<T> = Interpolation<TextKernel<Point<T>, Vec<T>>>;
-    let lists = gathered::<Lists<T>>(charges, kernel.columns());
-    let values = kernel.kernel::<Point<T>, Vec<T>, Vec<T>>().with_columns(1);
-    if gradient {
-        let sums = direct(&values.gradient::<Vec<T>>(), sources, &lists, targets)?;
-        return Ok(flat::<Lists<T>>(&sums, 4 * kernel.rows()));
-    }
-    Ok(flat::<Lists<T>>(&direct(&values, sources, &lists, targets)?, kernel.rows()))
+    T::direct_sums(kernel, sources, charges, targets, gradient)
 }
+
+/// A precision of [`Plan`]s: `f32` or `f64`. What they need of the engine is compiled here, once for all programs.
+pub trait Precision: Real {
+    #[doc(hidden)]
+    /// What [`Plan::new`] keeps.
+    fn plan(
+        kernel: &TextFormula,
+        sources: &[Point<Self>],
+        targets: &[Point<Self>],
+        options: &Options,
+    ) -> Result<Box<dyn Sum<Self>>, Error>;
+    #[doc(hidden)]
+    /// What [`direct_sums`] gives.
+    fn direct_sums(
+        kernel: &TextFormula,
+        sources: &[Point<Self>],
+        charges: &[Self],
+        targets: &[Point<Self>],
+        gradient: bool,
+    ) -> Result<Vec<Self>, Error>;
+}
+
+macro_rules! precisions {
+    ($($t:ty),*) => {$(
+        impl Precision for $t {
+            fn plan(
+                kernel: &TextFormula,
+                sources: &[Point<Self>],
+                targets: &[Point<Self>],
+                options: &Options,
+            ) -> Result<Box<dyn Sum<Self>>, Error> {
+                Inputs { sources, targets, options }.plan(kernel)
+            }
+
+            fn direct_sums(
+                kernel: &TextFormula,
+                sources: &[Point<Self>],
+                charges: &[Self],
+                targets: &[Point<Self>],
+                gradient: bool,
+            ) -> Result<Vec<Self>, Error> {
+                type Lists = Interpolation<TextKernel<Point<$t>, Vec<$t>>>;
+                let lists = gathered::<Lists>(charges, kernel.columns());
+                let values = kernel.kernel::<Point<$t>, Vec<$t>, Vec<$t>>().with_columns(1);
+                if gradient {
+                    let sums = direct(&values.gradient::<Vec<$t>>(), sources, &lists, targets)?;
+                    return Ok(flat::<Lists>(&sums, 4 * kernel.rows()));
+                }
+                Ok(flat::<Lists>(&direct(&values, sources, &lists, targets)?, kernel.rows()))
+            }
+        }
+    )*};
+}
+
+precisions!(f32, f64);
 
 /// What a plan is built from, but for the kernel.
 struct Inputs<'a, T: Real> {
@@ -176,7 +208,26 @@ struct Inputs<'a, T: Real> {
 }
 
 impl<T: Real> Inputs<'_, T> {
-    fn plan<K>(&self, kernel: K) -> Result<Box<dyn Sum<T>>, Error>
+    fn plan(&self, kernel: &TextFormula) -> Result<Box<dyn Sum<T>>, Error> {
+        let is_laplace =
+            kernel.is_ready("laplace") && kernel.at_coincident_points() == Coincident::Skip;
+        match (kernel.rows(), kernel.columns(), self.options.gradient) {
+            (1, 1, false) if is_laplace => self.plan_of(InverseDistance::<T>::new()),
+            (1, 1, true) if is_laplace => self.plan_of(InverseDistance::<T>::new().with_gradient()),
+            (1, 1, false) => self.plan_of(kernel.kernel::<Point<T>, T, T>()),
+            (1, 1, true) => self.plan_of(kernel.kernel::<Point<T>, T, T>().gradient::<[T; 4]>()),
+            (3, 3, false) => self.plan_of(kernel.kernel::<Point<T>, [T; 3], [T; 3]>()),
+            (_, _, false) => {
+                self.plan_of(kernel.kernel::<Point<T>, Vec<T>, Vec<T>>().with_columns(1))
+            }
+            (_, _, true) => {
+                let kernel = kernel.kernel::<Point<T>, Vec<T>, Vec<T>>().with_columns(1);
+                self.plan_of(kernel.gradient::<Vec<T>>())
+            }
+        }
+    }
+
+    fn plan_of<K>(&self, kernel: K) -> Result<Box<dyn Sum<T>>, Error>
     where
         K: Kernel<Real = T, Source = Point<T>, Target = Point<T>> + 'static,
     {
@@ -187,14 +238,17 @@ impl<T: Real> Inputs<'_, T> {
 }
 
 /// A plan whose kernel's type is forgotten.
-trait Sum<T>: Send + Sync {
+pub trait Sum<T>: Send + Sync {
+    /// The sums.
     fn apply(&self, charges: &[T], densities: usize, numbers: usize) -> Result<Vec<T>, Error>;
+    /// The sums and their error.
     fn apply_certified(
         &self,
         charges: &[T],
         densities: usize,
         numbers: usize,
     ) -> Result<(Vec<T>, Certificate), Error>;
+    /// What the plan consists of.
     fn report(&self) -> Report;
 }
 
