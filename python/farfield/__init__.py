@@ -103,6 +103,7 @@ def sum(
         gradient=gradient,
         threads=threads,
         coincident=coincident,
+        applications=1,
         **parameters,
     )
     return planned(q)

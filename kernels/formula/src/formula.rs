@@ -4,10 +4,9 @@ use std::fmt;
 use std::str::FromStr;
 use std::sync::Arc;
 
-use farfield::{Located, Real};
+use farfield::Real;
 
 use crate::graph::{Graph, Id};
-use crate::kernel::TextKernel;
 use crate::machine::program::Program;
 use crate::text::error::TextError;
 use crate::text::parser::parse;
@@ -87,21 +86,6 @@ impl TextFormula {
     /// How many densities a source sends: the columns of the tensor.
     pub fn columns(&self) -> usize {
         self.entries.len() / self.rows.max(1)
-    }
-
-    /// The kernel of the formula, for points of type `P`, charges `Q` and values `U`, which follow from what is summed.
-    ///
-    /// ```
-    /// use farfield::direct;
-    /// use farfield_formula::TextFormula;
-    ///
-    /// let yukawa = TextFormula::new("exp(-k*r)/r", &[("k", 2.0)])?.kernel();
-    /// let sum: Vec<f64> = direct(&yukawa, &[[0.0; 3]], &[1.0], &[[0.5, 0.0, 0.0]])?;
-    /// assert!((sum[0] - 2.0 * f64::exp(-1.0)).abs() < 1e-15);
-    /// # Ok::<(), Box<dyn std::error::Error>>(())
-    /// ```
-    pub fn kernel<P: Located, Q, U>(&self) -> TextKernel<P, Q, U> {
-        TextKernel::new(self.clone())
     }
 
     /// Instructions for the entries.

@@ -39,8 +39,25 @@ enum Derivatives {
     Second,
 }
 
+impl TextFormula {
+    /// The kernel of the formula, for points of type `P`, charges `Q` and values `U`, which follow from what is summed.
+    ///
+    /// ```
+    /// use farfield::direct;
+    /// use farfield_formula::TextFormula;
+    ///
+    /// let yukawa = TextFormula::new("exp(-k*r)/r", &[("k", 2.0)])?.kernel();
+    /// let sum: Vec<f64> = direct(&yukawa, &[[0.0; 3]], &[1.0], &[[0.5, 0.0, 0.0]])?;
+    /// assert!((sum[0] - 2.0 * f64::exp(-1.0)).abs() < 1e-15);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn kernel<P: Located, Q, U>(&self) -> TextKernel<P, Q, U> {
+        TextKernel::new(self.clone())
+    }
+}
+
 impl<P: Located, Q, U> TextKernel<P, Q, U> {
-    pub(crate) fn new(formula: TextFormula) -> Self {
+    fn new(formula: TextFormula) -> Self {
         let entries = Arc::new(formula.program());
         let (parts, derivatives) = (Arc::clone(&entries), Derivatives::None);
         Self { formula, entries, parts, derivatives, columns: None, types: PhantomData }

@@ -115,7 +115,12 @@ impl Ready {
         Self { parameters, ..self }
     }
 
-    /// Finite at r = 0, where it counts.
+    /// 1 at r = 0, where derivatives are zero, or there are none, and the formula gives no number for them.
+    const fn one_at_zero(self) -> Self {
+        Self { coincident: Coincident::Value(1.0), ..self }
+    }
+
+    /// Smooth at r = 0, where it counts.
     const fn everywhere(self) -> Self {
         Self { coincident: Coincident::Formula, ..self }
     }
@@ -125,8 +130,8 @@ const LENGTH: &[Parameter] = &[parameter("length", 1.0, "its length")];
 const SHAPE: &[Parameter] = &[parameter("c", 1.0, "the distance at which it bends")];
 const VISCOSITY: &[Parameter] = &[parameter("mu", 1.0, "the viscosity")];
 
-/// All ready kernels. d = x − y points from the source to the target, and r = |d|. Those that are singular skip pairs at
-/// the same position; all others count them.
+/// All ready kernels. d = x − y points from the source to the target, and r = |d|. Those that are singular or
+/// zero at r = 0 skip pairs at the same position; all others count them.
 pub const READY: [Ready; 23] = [
     scalar("laplace", "1/r: the potential of charges and masses, without 4π or signs", "1/r"),
     scalar("laplace_dipole", "p·d/r³: the potential of dipoles p, three numbers a source", "[[d1/r^3, d2/r^3, d3/r^3]]"),
@@ -136,26 +141,26 @@ pub const READY: [Ready; 23] = [
         .with(&[parameter("eps", 0.01, "the softening length")]),
     scalar("inverse_power", "r^(−p)", "r^(-p)").with(&[parameter("p", 2.0, "the power")]),
     scalar("gaussian", "exp(−(r/length)²)", "exp(-r2/length^2)").with(LENGTH).everywhere(),
-    scalar("matern12", "exp(−r/length): Matérn's covariance of smoothness 1/2", "exp(-r/length)").with(LENGTH).everywhere(),
+    scalar("matern12", "exp(−r/length): Matérn's covariance of smoothness 1/2", "exp(-r/length)").with(LENGTH).one_at_zero(),
     scalar(
         "matern32",
         "(1 + s) exp(−s), s = √3 r/length: Matérn's covariance of smoothness 3/2",
         "(1 + sqrt(3)*r/length)*exp(-sqrt(3)*r/length)",
     )
     .with(LENGTH)
-    .everywhere(),
+    .one_at_zero(),
     scalar(
         "matern52",
         "(1 + s + s²/3) exp(−s), s = √5 r/length: Matérn's covariance of smoothness 5/2",
         "(1 + sqrt(5)*r/length + 5*r2/(3*length^2))*exp(-sqrt(5)*r/length)",
     )
     .with(LENGTH)
-    .everywhere(),
+    .one_at_zero(),
     scalar("multiquadric", "√(r² + c²)", "sqrt(r2 + c^2)").with(SHAPE).everywhere(),
     scalar("inverse_multiquadric", "1/√(r² + c²)", "1/sqrt(r2 + c^2)").with(SHAPE).everywhere(),
     scalar("inverse_quadratic", "1/(r² + c²)", "1/(r2 + c^2)").with(SHAPE).everywhere(),
-    scalar("r", "r: the biharmonic spline", "r").everywhere(),
-    scalar("r3", "r³: the triharmonic spline", "r^3").everywhere(),
+    scalar("r", "r: the biharmonic spline", "r"),
+    scalar("r3", "r³: the triharmonic spline", "r^3"),
     scalar("r2logr", "r² log r: the thin plate spline, 0 at r = 0", "r2*log(r)"),
     scalar("logr", "log r", "log(r)"),
     scalar("inverse_square", "1/r²", "1/r2"),

@@ -135,6 +135,30 @@ fn gradients_follow_the_values() {
 }
 
 #[test]
+fn points_may_meet_themselves() {
+    let points = [DVec3::ZERO, DVec3::new(0.3, 0.4, 0.5)];
+    let mut options = Options::default();
+    options.gradient = true;
+    // The mobility has no derivatives at r = 0.
+    for (name, ..) in KERNELS.iter().filter(|(name, ..)| *name != "rpy") {
+        let kernel = Ready::or_text(name, &[]).unwrap();
+        let both = Plan::<f64>::new(&kernel, &points, &points, &options).unwrap();
+        let other = Plan::<f64>::new(&kernel, &points[1..], &points[..1], &options).unwrap();
+        let fields = both.numbers() / 4;
+        let found = both.apply(&vec![1.0; 2 * both.densities()]).unwrap();
+        let alone = other.apply(&vec![1.0; both.densities()]).unwrap();
+        for (k, (found, alone)) in found.iter().zip(alone).enumerate() {
+            let itself = if k < fields && EVERYWHERE.contains(name) && !name.starts_with("r") {
+                found - alone > 0.5
+            } else {
+                (found - alone).abs() < 1e-15
+            };
+            assert!(itself, "{name}, {k}: {found} {alone}");
+        }
+    }
+}
+
+#[test]
 fn names_that_no_kernel_has_are_refused_with_the_nearest() {
     for (name, nearest) in
         [("stokslet", Some("stokeslet")), ("gravity", None), ("Laplace", Some("laplace"))]

@@ -5,17 +5,22 @@ use std::fmt;
 use crate::text::names::{self, FUNCTIONS};
 
 /// Why a text is no kernel. [`Display`](fmt::Display) writes three lines: what is wrong and what was expected, the
-/// part of the text around it, and a caret under the character.
+/// part of the text around it, and a caret under the character. If parameters are wrong, the first is all.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TextError {
     text: String,
-    position: usize,
+    position: Option<usize>,
     problem: Problem,
 }
 
 impl TextError {
     pub(crate) fn new(text: &str, position: usize, problem: Problem) -> Self {
-        Self { text: text.to_owned(), position, problem }
+        Self { text: text.to_owned(), position: Some(position), problem }
+    }
+
+    /// What is wrong with the parameters, and at no place of the text.
+    pub(crate) fn of_parameters(text: &str, problem: Problem) -> Self {
+        Self { text: text.to_owned(), position: None, problem }
     }
 
     /// What is wrong.
@@ -23,8 +28,9 @@ impl TextError {
         &self.problem
     }
 
-    /// The character that it is wrong with, counted from 0; the number of characters at the end of the text.
-    pub fn position(&self) -> usize {
+    /// The character that is wrong, counted from 0; the number of characters at the end of the text. `None` where the
+    /// parameters are wrong, and not the text.
+    pub fn position(&self) -> Option<usize> {
         self.position
     }
 }
@@ -36,14 +42,14 @@ const SHOWN: usize = 30;
 
 impl fmt::Display for TextError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let start = self.position.saturating_sub(SHOWN);
+        let Some(position) = self.position else { return write!(f, "{}", self.problem) };
+        let start = position.saturating_sub(SHOWN);
         let shown = self.text.chars().skip(start).take(2 * SHOWN);
         // Every character takes one column, so that the caret is under its own.
         let shown: String = shown.map(|c| if c.is_control() { ' ' } else { c }).collect();
-        let character = self.position + 1;
-        writeln!(f, "{}, at character {character}:", self.problem)?;
+        writeln!(f, "{}, at character {}:", self.problem, position + 1)?;
         writeln!(f, "  {}", shown.trim_end())?;
-        write!(f, "  {:>1$}", "^", self.position - start + 1)
+        write!(f, "  {:>1$}", "^", position - start + 1)
     }
 }
 

@@ -2,5 +2,6 @@
 
 pub(crate) mod error;
 pub(crate) mod names;
+pub(crate) mod parameters;
 pub(crate) mod parser;
 pub(crate) mod tokens;

@@ -18,6 +18,7 @@
 use crate::graph::{Binary, Comparison, Graph, Id, Unary};
 use crate::text::error::{Problem, TextError};
 use crate::text::names::{self, Function, Variable};
+use crate::text::parameters::Parameters;
 use crate::text::tokens::{Token, tokens};
 
 /// How deep brackets, signs and powers may stand in each other.
@@ -40,7 +41,7 @@ pub(crate) struct Parsed {
 
 /// Reads a text whose parameters have these values. O(n).
 pub(crate) fn parse(text: &str, parameters: &[(&str, f64)]) -> Result<Parsed, TextError> {
-    let parameters = check_parameters(text, parameters)?;
+    let parameters = Parameters::new(text, parameters)?;
     let mut parser = Parser {
         text,
         tokens: tokens(text)?,
@@ -51,33 +52,10 @@ pub(crate) fn parse(text: &str, parameters: &[(&str, f64)]) -> Result<Parsed, Te
     };
     let (entries, rows) = parser.text()?;
     parser.end()?;
-    parser.check_use()?;
-    Ok(Parsed { graph: parser.graph, entries, rows })
-}
-
-/// A parameter's name, its value, and whether it has occurred.
-type Parameter<'a> = (&'a str, f64, bool);
-
-fn check_parameters<'a>(
-    text: &str,
-    parameters: &[(&'a str, f64)],
-) -> Result<Vec<Parameter<'a>>, TextError> {
-    let mut checked: Vec<Parameter> = Vec::new();
-    for &(name, found) in parameters {
-        let owned = || name.to_owned();
-        let problem = if !names::may_be_parameter(name) {
-            Problem::ParameterName { name: owned() }
-        } else if checked.iter().any(|(other, ..)| *other == name) {
-            Problem::ParameterTwice { name: owned() }
-        } else if !found.is_finite() {
-            Problem::ParameterValue { name: owned(), found }
-        } else {
-            checked.push((name, found, false));
-            continue;
-        };
-        return Err(TextError::new(text, 0, problem));
+    if let Some(problem) = parser.parameters.unused() {
+        return Err(TextError::of_parameters(text, problem));
     }
-    Ok(checked)
+    Ok(Parsed { graph: parser.graph, entries, rows })
 }
 
 /// What the first argument of `where` asks.
@@ -95,7 +73,7 @@ struct Parser<'a> {
     at: usize,
     depth: usize,
     graph: Graph,
-    parameters: Vec<Parameter<'a>>,
+    parameters: Parameters<'a>,
 }
 
 type Parse<T> = Result<T, TextError>;
@@ -230,23 +208,22 @@ impl Parser<'_> {
             Some(Variable::Constant(x)) => return Ok(self.graph.constant(x)),
             None => {}
         }
-        if let Some((_, value, used)) = self.parameters.iter_mut().find(|(p, ..)| *p == name) {
-            *used = true;
-            return Ok(self.graph.constant(*value));
+        if let Some(value) = self.parameters.take(name) {
+            return Ok(self.graph.constant(value));
         }
         let problem = if name == names::IMAGINARY {
             Problem::Complex
         } else if names::function(name).is_some() {
             Problem::FunctionWithoutArguments { name: name.to_owned() }
         } else {
-            Problem::unknown(name, self.parameters.iter().map(|(name, ..)| *name))
+            Problem::unknown(name, self.parameters.names())
         };
         Err(self.error_at(place, problem))
     }
 
     fn call(&mut self, place: usize, name: &str) -> Parse<Id> {
         let Some((function, kind)) = names::function(name) else {
-            let given = self.parameters.iter().any(|(parameter, ..)| *parameter == name);
+            let given = self.parameters.has(name);
             let problem = if given || names::variable(name).is_some() || name == names::IMAGINARY {
                 Problem::NoFunction { name: name.to_owned() }
             } else {
@@ -332,17 +309,6 @@ impl Parser<'_> {
             Token::End => Ok(()),
             _ => Err(self.unexpected("an operator, or the end of the text")),
         }
-    }
-
-    /// Refuses parameters that don't occur.
-    fn check_use(&self) -> Parse<()> {
-        let Some((name, ..)) = self.parameters.iter().find(|(_, _, used)| !used) else {
-            return Ok(());
-        };
-        let used = self.parameters.iter().filter(|(_, _, used)| *used);
-        let used = used.map(|(name, ..)| (*name).to_owned()).collect();
-        let problem = Problem::UnusedParameter { name: (*name).to_owned(), used };
-        Err(self.error_at(0, problem))
     }
 
     /// What is read by `part` one level deeper in brackets, signs or powers.
