@@ -6,9 +6,11 @@
 //! farfield sum --points points.npy --charges charges.npy --kernel inverse-distance --out values.npy
 //! ```
 //!
-//! `farfield help` and, say, `farfield radiosity --help` explain every flag.
+//! `farfield kernels` lists the kernels that `sum` knows by name; it takes formulas, too. `farfield help`
+//! and, say, `farfield radiosity --help` explain every flag.
 
 mod factors;
+mod kernels;
 mod memory;
 mod radiosity;
 mod sum;
@@ -29,6 +31,8 @@ struct Cli {
 #[derive(Debug, Subcommand)]
 enum Command {
     Factors(Box<factors::Args>),
+    /// Lists the kernels that `farfield sum` knows by name, with their formulas and parameters
+    Kernels,
     Radiosity(Box<radiosity::Args>),
     Sum(Box<sum::Args>),
 }
@@ -36,6 +40,7 @@ enum Command {
 fn main() -> ExitCode {
     match Cli::try_parse() {
         Ok(Cli { command: Command::Factors(args) }) => factors::main(&args),
+        Ok(Cli { command: Command::Kernels }) => kernels::main(),
         Ok(Cli { command: Command::Radiosity(args) }) => radiosity::main(&args),
         Ok(Cli { command: Command::Sum(args) }) => sum::main(&args),
         Err(error) => explain(&error),

@@ -3,13 +3,15 @@
 use std::path::PathBuf;
 
 use clap::{Parser, ValueEnum};
+use farfield_formula::Coincident;
 
 /// Sums u(x_i) = Σ_j K(x_i, y_j) q_j over points from files, and measures its own error.
 ///
-/// Point files hold N rows of x, y, z; charge files hold N numbers. Both are either `.npy`
+/// Point files hold N rows of x, y, z; charge files hold N numbers, or N rows where the kernel takes several from each
+/// source. Both are either `.npy`
 /// (`<f4` or `<f8`, shapes N×3 and N) or `.csv` (three columns and one, a header line optional).
 /// An empty set is an array of shape 0×3, or a CSV file with nothing but its header.
-/// A point never acts on another at the same position, itself included.
+/// A power law never acts between points at the same position; see --coincident for others.
 ///
 /// The error is always measured, against direct sums in double precision at 1,000 targets spaced
 /// evenly through the target file. If it exceeds --tolerance, the report is still written, the
@@ -29,9 +31,19 @@ pub(crate) struct Args {
     #[arg(long, value_name = "FILE")]
     pub(crate) targets: Option<PathBuf>,
 
-    /// What is summed
-    #[arg(long, value_enum)]
-    pub(crate) kernel: Kernel,
+    /// What is summed: inverse-distance, inverse-square, inverse-fourth, squared-distance, a name that
+    /// `farfield kernels` lists, or a formula such as "exp(-k*r)/r"
+    #[arg(long, value_name = "NAME|TEXT", allow_hyphen_values = true)]
+    pub(crate) kernel: String,
+
+    /// A parameter of the kernel, such as k=2; may be given several times
+    #[arg(long, value_name = "NAME=VALUE", value_parser = param)]
+    pub(crate) param: Vec<(String, f64)>,
+
+    /// What holds for a formula where points are at one place: skip, formula (what it gives there), or a
+    /// number [default: skip; what it is known for, for a kernel by name]
+    #[arg(long, value_name = "RULE", value_parser = coincident, allow_hyphen_values = true)]
+    pub(crate) coincident: Option<Coincident>,
 
     /// Sum the gradient with respect to x as well
     #[arg(long)]
@@ -83,7 +95,7 @@ pub(crate) struct Args {
     pub(crate) report: Option<PathBuf>,
 }
 
-/// K(x, y) as a function of r = |x − y|.
+/// Power laws of r = |x − y| with a harmonic expansion, which have flags of their own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Kernel {
     /// 1/r
@@ -128,6 +140,11 @@ pub(crate) enum Scheme {
 }
 
 impl Args {
+    /// The power law asked for, if it is one.
+    pub(crate) fn power_law(&self) -> Option<Kernel> {
+        Kernel::from_str(&self.kernel, false).ok()
+    }
+
     /// The expansion asked for, or the one that meets the tolerance.
     pub(crate) fn expansion(&self) -> Expansion {
         let usual = if self.gradient { Expansion::Harmonic } else { Expansion::Interpolation };
@@ -151,6 +168,23 @@ fn tolerance(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(tolerance) if 0.0 < tolerance && tolerance < 1.0 => Ok(tolerance),
         _ => Err("expected a number between 0 and 1, both excluded".into()),
+    }
+}
+
+fn param(text: &str) -> Result<(String, f64), String> {
+    let value = |text: &str| text.trim().parse().ok();
+    match text.split_once('=').and_then(|(name, text)| Some((name, value(text)?))) {
+        Some((name, value)) => Ok((name.trim().to_owned(), value)),
+        None => Err("expected a name and a number, such as k=2".into()),
+    }
+}
+
+fn coincident(text: &str) -> Result<Coincident, String> {
+    match (text, text.parse()) {
+        ("skip", _) => Ok(Coincident::Skip),
+        ("formula", _) => Ok(Coincident::Formula),
+        (_, Ok(value)) if f64::is_finite(value) => Ok(Coincident::Value(value)),
+        _ => Err("expected skip, formula or a finite number".into()),
     }
 }
 

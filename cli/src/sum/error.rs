@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use farfield_formula::KernelError;
+
 use super::read::ReadError;
 use super::write::WriteError;
 
@@ -17,6 +19,29 @@ pub(crate) enum Failure {
     /// The engine refuses the input.
     #[error(transparent)]
     Engine(#[from] farfield::Error),
+    /// The kernel is neither known by name nor a formula.
+    #[error(
+        "--kernel {name}: {source}; power laws with an expansion of their own are inverse-distance, inverse-square, inverse-fourth, squared-distance"
+    )]
+    UnknownKernel {
+        /// What was given.
+        name: String,
+        /// Why it is none.
+        source: KernelError,
+    },
+    /// The kernel's formula is wrong.
+    #[error("--kernel: {0}")]
+    Kernel(KernelError),
+    /// A flag that this kernel does not have.
+    #[error("{flag} with --kernel {kernel}: expected it with {expected} only")]
+    Flag {
+        /// The flag.
+        flag: &'static str,
+        /// The kernel.
+        kernel: String,
+        /// The kernels that have it.
+        expected: &'static str,
+    },
     /// Points and charges do not belong together.
     #[error(
         "{}: {found} charges: expected {expected}, one per point of {}",

@@ -7,6 +7,7 @@ mod error;
 mod read;
 mod report;
 mod run;
+mod text;
 mod write;
 
 pub(crate) use args::{Args, one_line};

@@ -29,7 +29,7 @@ enum Problem {
     #[error("elements of type {0}: expected little-endian floats, '<f4' or '<f8'")]
     Type(String),
     #[error("an array of shape {found:?}: expected {expected}")]
-    Shape { found: Vec<usize>, expected: &'static str },
+    Shape { found: Vec<usize>, expected: String },
     #[error("{found} bytes of data: expected {expected} for an array of shape {shape:?}")]
     Size { found: u64, expected: u128, shape: Vec<usize> },
     #[error("line {line}: {error}")]
@@ -48,9 +48,10 @@ pub(crate) fn points<T: Real>(path: &Path) -> Result<Vec<Point<T>>, ReadError> {
     Ok(coordinates.chunks_exact(3).map(|p| Point::<T>::from_array([p[0], p[1], p[2]])).collect())
 }
 
-/// Reads N charges: an array of shape N, or a CSV file of one column.
-pub(crate) fn charges<T: Real>(path: &Path) -> Result<Vec<T>, ReadError> {
-    numbers(path, 1)
+/// Reads N charges of so many numbers each, row after row: an array of shape N if they are one, of shape N×`numbers` if
+/// they are more, or a CSV file of as many columns.
+pub(crate) fn charges<T: Real>(path: &Path, numbers: usize) -> Result<Vec<T>, ReadError> {
+    self::numbers(path, numbers)
 }
 
 /// The numbers of a table, row after row; all of them finite.
@@ -68,7 +69,11 @@ fn numbers<T: Real>(path: &Path, columns: usize) -> Result<Vec<T>, ReadError> {
 
 fn npy<T: Real>(file: File, columns: usize) -> Result<Vec<T>, Problem> {
     let bytes = file.metadata()?.len();
-    let what = if columns == 1 { "N numbers, shape [N]" } else { "N points, shape [N, 3]" };
+    let what = match columns {
+        1 => "N numbers, shape [N]".to_owned(),
+        3 => "N points or vectors, shape [N, 3]".to_owned(),
+        _ => format!("N rows of {columns} numbers, shape [N, {columns}]"),
+    };
     if bytes == 0 {
         return Err(Problem::Empty("an npy array"));
     }

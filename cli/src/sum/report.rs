@@ -25,8 +25,8 @@ pub(crate) struct Report {
     pub(crate) tolerance: Option<f64>,
     /// Expansion of the far field, by its name on the command line.
     pub(crate) expansion: String,
-    /// Order of the harmonic expansion, or nodes per axis of the interpolation.
-    pub(crate) order: usize,
+    /// Order of the harmonic expansion, or nodes per axis of the interpolation, for power laws.
+    pub(crate) order: Option<usize>,
     /// Seconds from points to plan, operators included.
     pub(crate) plan_s: f64,
     /// Seconds from charges to values: the median of `repeat` runs.
@@ -69,8 +69,12 @@ impl fmt::Display for Report {
         writeln!(f, "{}{what}, {} points on {} targets", self.kernel, self.points, self.targets)?;
         write!(f, "  {}, {}, threads: {}", self.scheme, self.precision, self.threads)?;
         if self.scheme != "direct" {
-            let (expansion, order, terms) = (&self.expansion, self.order, self.terms_per_cell);
-            write!(f, ", {expansion} of order {order}, terms per cell: {terms}")?;
+            let (expansion, terms) = (&self.expansion, self.terms_per_cell);
+            write!(f, ", {expansion}")?;
+            if let Some(order) = self.order {
+                write!(f, " of order {order}")?;
+            }
+            write!(f, ", terms per cell: {terms}")?;
         }
         writeln!(f)?;
         writeln!(

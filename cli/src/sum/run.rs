@@ -17,11 +17,12 @@ use super::args::{self, Args, Precision, Scheme};
 use super::error::Failure;
 use super::read;
 use super::report::Report;
+use super::text;
 use super::write::{self, Number, WriteError};
 use crate::memory::peak_memory_bytes;
 
 /// The tolerance if neither that nor an order is asked for.
-const TOLERANCE: f64 = 1e-6;
+pub(super) const TOLERANCE: f64 = 1e-6;
 
 /// The rule from tolerance to the order of harmonics speaks of charges of one sign. Where their signs are random and no
 /// near field hides the error of the far field (two unit cubes, 1/4 apart), up to a digit is lost.
@@ -46,20 +47,21 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
 }
 
 /// What is read from the files, in the precision asked for.
-struct Input<T: Real> {
-    sources: Vec<Point<T>>,
-    charges: Vec<T>,
-    targets: Vec<Point<T>>,
+pub(super) struct Input<T: Real> {
+    pub(super) sources: Vec<Point<T>>,
+    pub(super) charges: Vec<T>,
+    pub(super) targets: Vec<Point<T>>,
 }
 
 impl<T: Real> Input<T> {
-    fn read(args: &Args) -> Result<Self, Failure> {
+    /// Points, and charges of so many numbers each.
+    pub(super) fn read(args: &Args, numbers: usize) -> Result<Self, Failure> {
         let sources = read::points::<T>(&args.points)?;
-        let charges = read::charges(&args.charges)?;
-        if charges.len() != sources.len() {
+        let charges = read::charges(&args.charges, numbers)?;
+        if charges.len() != numbers * sources.len() {
             return Err(Failure::Lengths {
                 charges: args.charges.clone(),
-                found: charges.len(),
+                found: charges.len() / numbers,
                 points: args.points.clone(),
                 expected: sources.len(),
             });
@@ -73,8 +75,10 @@ impl<T: Real> Input<T> {
 }
 
 fn with_precision<T: Number>(args: &Args) -> Result<(), Failure> {
-    let input = Input::<T>::read(args)?;
-    match args.kernel {
+    let Some(power_law) = args.power_law() else { return text::run::<T>(args) };
+    text::refuse_flags(args)?;
+    let input = Input::<T>::read(args, 1)?;
+    match power_law {
         args::Kernel::InverseDistance => with_kernel::<MinusOne, T>(args, &input),
         args::Kernel::InverseSquare => with_kernel::<MinusTwo, T>(args, &input),
         args::Kernel::InverseFourth => with_kernel::<MinusFour, T>(args, &input),
@@ -127,7 +131,7 @@ where
         let builder = Fmm::with_expansion(expansion);
         planned(args, builder).build(&input.sources, &input.targets)
     };
-    if let Some(order) = args.order.filter(|_| args.kernel != args::Kernel::SquaredDistance) {
+    if let Some(order) = args.order.filter(|_| !is_finite(args)) {
         return build(Interpolation::new(kernel).order(order));
     }
     let within = |tolerance| build(Interpolation::new(kernel.clone()).tolerance(tolerance));
@@ -170,21 +174,21 @@ where
     X: Expansion<Kernel = PowerLaw<E, T, T, O>>,
 {
     let plan_s = start.elapsed().as_secs_f64();
-    let (values, apply_s) = apply(fmm, &input.charges, args.repeat)?;
+    let (values, apply_s) = repeated(args.repeat, || fmm.apply(&input.charges))?;
     let peak_memory_bytes = peak_memory_bytes();
     let errors = Errors::measure::<E, T, O>(input, &values)?;
     let stats = fmm.report().stats;
     let report = Report {
         points: input.sources.len(),
         targets: input.targets.len(),
-        kernel: args::name(args.kernel),
+        kernel: args.kernel.clone(),
         gradient: args.gradient,
         scheme: stats.scheme.to_string(),
         precision: args::name(args.precision),
         threads: rayon::current_num_threads(),
         tolerance: args.order.is_none().then(|| args.tolerance.unwrap_or(TOLERANCE)),
         expansion: args::name(args.expansion()),
-        order,
+        order: Some(order),
         plan_s,
         apply_s,
         repeat: args.repeat,
@@ -197,7 +201,12 @@ where
         leaf_size: stats.leaf_size,
         peak_memory_bytes,
     };
-    publish(args, &report, &values)
+    let columns = write::columns(1, args.gradient);
+    let row = |value: &<O as Output<T, T>>::Value| {
+        let (u, [x, y, z]) = Row::<T>::parts(value);
+        [u, x, y, z].into_iter().take(columns.len())
+    };
+    publish(args, &report, &values.iter().flat_map(row).collect::<Vec<_>>(), &columns)
 }
 
 /// The order of harmonics that is asked for, or one that is enough for the tolerance in double
@@ -208,7 +217,7 @@ fn order<E: Exponent, O: Output<f64, f64>>(args: &Args) -> Result<usize, farfiel
         HarmonicExpansion::with_tolerance(kernel, tolerance).map(|expansion| expansion.order())
     };
     match args.order {
-        Some(order) if args.kernel != args::Kernel::SquaredDistance => Ok(order),
+        Some(order) if !is_finite(args) => Ok(order),
         _ => match enough_for(MARGIN * args.tolerance.unwrap_or(TOLERANCE)) {
             // As near as it gets; this, too, may be enough.
             Err(farfield::Error::UnreachableTolerance { reachable, .. }) => enough_for(reachable),
@@ -217,17 +226,21 @@ fn order<E: Exponent, O: Output<f64, f64>>(args: &Args) -> Result<usize, farfiel
     }
 }
 
+/// Whether expansions of the kernel are finite, so that no order needs to be chosen.
+fn is_finite(args: &Args) -> bool {
+    args.power_law() == Some(args::Kernel::SquaredDistance)
+}
+
 /// The sums, and the median time of `repeat` runs in seconds.
-fn apply<E: Expansion>(
-    fmm: &Fmm<E>,
-    charges: &[farfield::ChargeOf<E>],
+pub(super) fn repeated<V>(
     repeat: usize,
-) -> Result<(Vec<farfield::ValueOf<E>>, f64), farfield::Error> {
+    apply: impl Fn() -> Result<Vec<V>, farfield::Error>,
+) -> Result<(Vec<V>, f64), farfield::Error> {
     let mut values = Vec::new();
     let mut seconds = Vec::with_capacity(repeat);
     for _ in 0..repeat {
         let start = Instant::now();
-        values = fmm.apply(charges)?;
+        values = apply()?;
         seconds.push(start.elapsed().as_secs_f64());
     }
     seconds.sort_by(f64::total_cmp);
@@ -236,7 +249,7 @@ fn apply<E: Expansion>(
 }
 
 /// Relative l2 errors at the sampled targets.
-struct Errors {
+pub(super) struct Errors {
     potential: f64,
     gradient: f64,
     sampled: usize,
@@ -244,7 +257,7 @@ struct Errors {
 
 impl Errors {
     /// Most targets that are compared.
-    const SAMPLES: usize = 1000;
+    pub(super) const SAMPLES: usize = 1000;
 
     /// Compares evenly spaced targets with direct sums in double precision, so that the rounding of
     /// a lower precision counts as error too.
@@ -285,10 +298,11 @@ impl Errors {
 }
 
 /// Writes the report and, if the tolerance is kept, the values.
-fn publish<T: Number, V: Row<T>>(
+pub(super) fn publish<T: Number>(
     args: &Args,
     report: &Report,
-    values: &[V],
+    values: &[T],
+    columns: &[String],
 ) -> Result<(), Failure> {
     match &args.report {
         Some(path) => write_report(path, report)?,
@@ -298,12 +312,7 @@ fn publish<T: Number, V: Row<T>>(
         return Err(Failure::Inaccurate { found: report.error(), expected });
     }
     if let Some(path) = &args.out {
-        let columns = if args.gradient { 4 } else { 1 };
-        let row = |value: &V| {
-            let (u, [x, y, z]) = value.parts();
-            [u, x, y, z].into_iter().take(columns)
-        };
-        write::values(path, &values.iter().flat_map(row).collect::<Vec<_>>(), columns)?;
+        write::values(path, values, columns)?;
     }
     Ok(())
 }

@@ -6,7 +6,7 @@ use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use farfield::Real;
+use farfield_formula::Precision;
 use ndarray::{ArrayView1, ArrayView2};
 use ndarray_npy::{WritableElement, WriteNpyExt};
 
@@ -35,7 +35,7 @@ impl Problem {
 }
 
 /// A number that can be written in every format.
-pub(crate) trait Number: Real + WritableElement + LowerExp {}
+pub(crate) trait Number: Precision + WritableElement + LowerExp {}
 
 impl Number for f32 {}
 impl Number for f64 {}
@@ -58,14 +58,14 @@ pub(crate) fn check_folder(path: &Path) -> Result<(), WriteError> {
     }
 }
 
-/// Writes rows of `columns` values: potentials alone (1), or potentials and gradients (4).
+/// Writes rows of values, with a number for each of the columns.
 pub(crate) fn values<T: Number>(
     path: &Path,
     values: &[T],
-    columns: usize,
+    columns: &[String],
 ) -> Result<(), WriteError> {
     match format(path) {
-        Some(Format::Npy) => whole_file(path, |file| npy(file, values, columns)),
+        Some(Format::Npy) => whole_file(path, |file| npy(file, values, columns.len())),
         Some(Format::Csv) => whole_file(path, |file| csv(file, values, columns)),
         None => Err(Problem::Extension.at(path)),
     }
@@ -110,17 +110,31 @@ fn npy<T: Number>(file: &mut BufWriter<File>, values: &[T], columns: usize) -> i
     if columns == 1 {
         ArrayView1::from(values).write_npy(file).map_err(io::Error::other)
     } else {
-        ArrayView2::from_shape((values.len() / columns, columns), values)
+        ArrayView2::from_shape((values.len() / columns.max(1), columns), values)
             .map_err(io::Error::other)?
             .write_npy(file)
             .map_err(io::Error::other)
     }
 }
 
-fn csv<T: Number>(file: &mut BufWriter<File>, values: &[T], columns: usize) -> io::Result<()> {
-    let header = ["potential", "gradient_x", "gradient_y", "gradient_z"];
-    writeln!(file, "{}", header[..columns].join(","))?;
-    for row in values.chunks(columns) {
+/// The columns of values with so many fields: potentials, or components u1, u2 …; then, with gradients, their
+/// derivatives along the first axis, the second and the third.
+pub(crate) fn columns(fields: usize, gradient: bool) -> Vec<String> {
+    let value = |k: usize| if fields == 1 { "potential".into() } else { format!("u{}", k + 1) };
+    let values = (0..fields).map(value);
+    let axes = ["x", "y", "z"].into_iter().take(if gradient { 3 } else { 0 });
+    let slopes = axes.flat_map(|axis| {
+        (0..fields).map(move |k| match fields {
+            1 => format!("gradient_{axis}"),
+            _ => format!("u{}_{axis}", k + 1),
+        })
+    });
+    values.chain(slopes).collect()
+}
+
+fn csv<T: Number>(file: &mut BufWriter<File>, values: &[T], columns: &[String]) -> io::Result<()> {
+    writeln!(file, "{}", columns.join(","))?;
+    for row in values.chunks(columns.len().max(1)) {
         // The shortest decimals that give the same bits when read back.
         let cells: Vec<_> = row.iter().map(|value| format!("{value:e}")).collect();
         writeln!(file, "{}", cells.join(","))?;

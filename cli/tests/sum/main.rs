@@ -1,5 +1,6 @@
 //! `farfield sum` as its users meet it: files in, files out, exit codes and messages.
 
+mod formulas;
 mod refusals;
 
 use std::fs;

@@ -1,0 +1,132 @@
+//! A formula that was read from a text.
+
+use std::fmt;
+use std::str::FromStr;
+use std::sync::Arc;
+
+use farfield::Real;
+
+use crate::graph::{Graph, Id};
+use crate::machine::program::Program;
+use crate::text::error::TextError;
+use crate::text::parser::parse;
+
+/// A formula that was read from a text, its parameters replaced by their values.
+#[derive(Clone)]
+pub struct TextFormula {
+    text: Arc<str>,
+    graph: Arc<Graph>,
+    entries: Arc<[Id]>,
+    rows: usize,
+    coincident: Coincident,
+    /// The name of the ready kernel that it is.
+    name: Option<&'static str>,
+}
+
+/// What a kernel is between points at the same position.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Coincident {
+    /// Such pairs contribute nothing: the usual choice for singular formulas.
+    #[default]
+    Skip,
+    /// This number; for a tensor, times the identity. It has no derivatives.
+    Value(f64),
+    /// What the formula gives there.
+    Formula,
+}
+
+impl TextFormula {
+    /// Reads a text whose parameters have these values: `TextFormula::new("exp(-k*r)/r", &[("k", 2.0)])`. O(n).
+    ///
+    /// # Errors
+    /// [`TextError`], which points at the character, if the text is not a formula, or its parameters are not those
+    /// given.
+    pub fn new(text: &str, parameters: &[(&str, f64)]) -> Result<Self, TextError> {
+        let parsed = parse(text, parameters)?;
+        Ok(Self {
+            text: text.into(),
+            graph: Arc::new(parsed.graph),
+            entries: parsed.entries.into(),
+            rows: parsed.rows,
+            coincident: Coincident::Skip,
+            name: None,
+        })
+    }
+
+    /// The same formula with another rule for points at the same position.
+    pub fn coincident(self, coincident: Coincident) -> Self {
+        Self { coincident, ..self }
+    }
+
+    /// What holds for points at the same position.
+    pub fn at_coincident_points(&self) -> Coincident {
+        self.coincident
+    }
+
+    /// The same formula, known as the ready kernel of that name.
+    pub(crate) fn named(self, name: &'static str) -> Self {
+        Self { name: Some(name), ..self }
+    }
+
+    /// Whether it was asked for as the ready kernel of that name.
+    pub(crate) fn is_ready(&self, name: &str) -> bool {
+        self.name == Some(name)
+    }
+
+    /// The text.
+    pub fn text(&self) -> &str {
+        &self.text
+    }
+
+    /// How many fields a target receives: the rows of the tensor.
+    pub fn rows(&self) -> usize {
+        self.rows
+    }
+
+    /// How many densities a source sends: the columns of the tensor.
+    pub fn columns(&self) -> usize {
+        self.entries.len() / self.rows.max(1)
+    }
+
+    /// Instructions for the entries.
+    pub(crate) fn program<T: Real>(&self) -> Program<T> {
+        Program::new(&self.graph, &self.entries)
+    }
+
+    /// Instructions for the entries and their derivatives along the three axes.
+    pub(crate) fn program_with_gradient<T: Real>(&self) -> Program<T> {
+        let mut graph = (*self.graph).clone();
+        let gradients = graph.gradients(&self.entries);
+        let all: Vec<Id> = self.entries.iter().copied().chain(gradients.concat()).collect();
+        Program::new(&graph, &all)
+    }
+
+    /// Instructions for the entries, their first and their six second derivatives.
+    pub(crate) fn program_with_hessian<T: Real>(&self) -> Program<T> {
+        let mut graph = (*self.graph).clone();
+        let gradients = graph.gradients(&self.entries);
+        let [[xx, xy, xz], [_, yy, yz], [_, _, zz]] =
+            [0, 1, 2].map(|axis| graph.gradients(&gradients[axis]));
+        let second = [xx, xy, xz, yy, yz, zz].concat();
+        let first = self.entries.iter().copied().chain(gradients.concat());
+        Program::new(&graph, &first.chain(second).collect::<Vec<_>>())
+    }
+}
+
+/// A text without parameters.
+impl FromStr for TextFormula {
+    type Err = TextError;
+
+    fn from_str(text: &str) -> Result<Self, TextError> {
+        Self::new(text, &[])
+    }
+}
+
+impl fmt::Debug for TextFormula {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("TextFormula")
+            .field("text", &self.text)
+            .field("coincident", &self.coincident)
+            .finish_non_exhaustive()
+    }
+}

@@ -1,0 +1,277 @@
+"""Fast sums u(x_i) = sum_j K(x_i, y_j) q_j for any kernel, to the tolerance asked for.
+
+>>> import numpy as np, farfield as ff
+>>> x = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0]])
+>>> ff.sum("1/r", x, np.array([1.0, 3.0]))
+array([6., 2.])
+
+`sum` does it once, `plan` for many charges, and `kernels` lists the kernels that have names. Every other string is a
+formula of r, r2 (r squared), d1 d2 d3 (x - y), x1 x2 x3 (the target), y1 y2 y3 (the source) and parameters, with
++ - * / ^, exp log sqrt sin cos tanh erf erfc abs min max, where(a < b, yes, no), and tensors as lists of rows,
+"[[a, b], [c, d]]". A pair at one place is skipped, unless `coincident` or a kernel by name says otherwise.
+"""
+
+from __future__ import annotations
+
+import operator
+from typing import Any, NamedTuple, Union
+
+import numpy as np
+
+from . import _native
+from ._errors import Error, InputError, KernelError, SumError, ToleranceError
+
+__all__ = [
+    "Certificate",
+    "Error",
+    "InputError",
+    "KernelError",
+    "KernelInfo",
+    "Plan",
+    "SumError",
+    "ToleranceError",
+    "kernels",
+    "plan",
+    "sum",
+]
+
+
+class Certificate(NamedTuple):
+    """How far a sum is from the exact one, from direct sums at sampled targets."""
+
+    relative_l2: float
+    """With probability `confidence` at least, the relative l2 error over all targets is no more than this."""
+    estimate: float
+    """The estimate that this bound stands on."""
+    confidence: float
+    samples: int
+    condition: float
+    """How far the sums cancel: 1 or more."""
+
+
+class KernelInfo(NamedTuple):
+    """A kernel that has a name."""
+
+    name: str
+    about: str
+    formula: str
+    parameters: dict
+    """The parameters and their values, unless others are given."""
+
+
+def kernels() -> list:
+    """All kernels that have names, as a list of `KernelInfo`."""
+    return [KernelInfo(name, about, text, dict(given)) for name, about, text, given in _native.kernels()]
+
+
+def sum(
+    kernel: str,
+    x: Any,
+    q: Any,
+    *,
+    targets: Any = None,
+    tolerance: float = 1e-6,
+    gradient: bool = False,
+    threads: Union[int, None] = None,
+    coincident: Union[str, float, None] = None,
+    **parameters: float,
+) -> Any:
+    """The sums u_i = sum_j K(x_i, y_j) q_j over all sources, at all targets.
+
+    kernel: the name of a kernel (see `kernels`) or a formula, such as "exp(-k*r)/r".
+    x: the sources, shape (N, 3), float64 or float32; everything is summed in its precision.
+    q: the charges: shape (N,), or (N, k) for k right-hand sides of a scalar kernel, or (N, c) for a tensor with c columns.
+    targets: where sums are wanted, shape (M, 3); the sources themselves by default.
+    tolerance: the relative l2 error to stay below.
+    gradient: whether derivatives with respect to the target are wanted too.
+    threads: how many threads to use; as many as there are cores by default.
+    coincident: what holds for a source and a target at one place: "skip", "formula" (what the formula gives there), or a
+        number. By default "skip" for a formula, and what a kernel by name is known for.
+    parameters: the parameters of the kernel, such as k=2.0.
+
+    Returns u of shape (M,), (M, k), or (M, f) for a tensor with f rows; with `gradient`, a pair (u, du) where du has one
+    more axis, of length 3.
+
+    Raises `InputError` (a ValueError) that names what is wrong, `KernelError` for a kernel, `ToleranceError` if the
+    tolerance is out of reach, and `SumError` if a sum is not finite.
+    """
+    planned = plan(
+        kernel,
+        x,
+        targets=targets,
+        tolerance=tolerance,
+        gradient=gradient,
+        threads=threads,
+        coincident=coincident,
+        applications=1,
+        **parameters,
+    )
+    return planned(q)
+
+
+def plan(
+    kernel: str,
+    x: Any,
+    *,
+    targets: Any = None,
+    tolerance: float = 1e-6,
+    gradient: bool = False,
+    threads: Union[int, None] = None,
+    coincident: Union[str, float, None] = None,
+    applications: int = 1,
+    **parameters: float,
+) -> "Plan":
+    """A plan for sums between fixed points, which is applied to any number of charges.
+
+    applications: how often it will be applied, about: set-up that pays for itself by then is done.
+
+    The other arguments and the errors are those of `sum`.
+    """
+    return Plan(kernel, x, targets, tolerance, gradient, threads, coincident, applications, parameters)
+
+
+class Plan:
+    """A plan made by `plan`. Call it with charges."""
+
+    def __init__(
+        self,
+        kernel: str,
+        x: Any,
+        targets: Any,
+        tolerance: float,
+        gradient: bool,
+        threads: Union[int, None],
+        coincident: Union[str, float, None],
+        applications: int,
+        parameters: dict,
+    ) -> None:
+        if not isinstance(kernel, str):
+            raise KernelError(f"kernel is {type(kernel).__name__}: expected a name or a formula, as a str")
+        sources = _points("x", x, None)
+        self.dtype = sources.dtype
+        targets = sources if targets is None else _points("targets", targets, self.dtype)
+        rule, value = _rule(coincident)
+        given = [(name, _number(name, value)) for name, value in parameters.items()]
+        parsed = _native.Kernel(kernel, given, rule, value)
+        native = _native.PlanF64 if self.dtype == np.float64 else _native.PlanF32
+        self._fields, self._densities = parsed.shape
+        self._sources, self._targets = len(sources), len(targets)
+        self.gradient = bool(gradient)
+        self._native = native(
+            parsed,
+            sources.reshape(-1),
+            targets.reshape(-1),
+            _number("tolerance", tolerance),
+            self.gradient,
+            _count("applications", applications),
+            None if threads is None else _count("threads", threads, 512),
+        )
+
+    @property
+    def shape(self) -> tuple:
+        """Of the matrix that the plan applies: numbers of all targets, numbers of all sources."""
+        return (self._targets * self._fields, self._sources * self._densities)
+
+    def __call__(self, q: Any) -> Any:
+        """The sums for charges q, as `sum` returns them."""
+        charges = np.asarray(q)
+        if self._densities > 1 or charges.ndim == 1:
+            return self._apply(self._charges(charges))
+        return self._apply_columns(charges)
+
+    apply = __call__
+
+    def certificate(self, q: Any) -> Certificate:
+        """How far the sums for charges q, of one right-hand side, are from the exact ones. Sums once more."""
+        return Certificate(**self._native.certificate(self._charges(np.asarray(q)).reshape(-1)))
+
+    def report(self) -> dict:
+        """What the plan consists of: sizes, pairs of each kind, and a table as "text"."""
+        return self._native.report()
+
+    def as_linear_operator(self) -> Any:
+        """The plan as a scipy.sparse.linalg.LinearOperator of `shape`, for conjugate gradients and the like.
+
+        There is no product with the transposed matrix.
+        """
+        from scipy.sparse.linalg import LinearOperator
+
+        if self.gradient:
+            raise InputError("a plan with gradients gives more than a matrix: expected gradient=False")
+        shape = (self._sources, self._densities) if self._densities > 1 else (self._sources,)
+
+        def product(q: Any) -> Any:
+            return self(np.reshape(q, shape)).reshape(-1)
+
+        return LinearOperator(self.shape, matvec=product, dtype=self.dtype)
+
+    def _charges(self, charges: Any) -> Any:
+        """Charges of one right-hand side as a contiguous array."""
+        tensor = self._densities > 1
+        expected = (self._sources, self._densities) if tensor else (self._sources,)
+        if charges.shape != expected:
+            columns = "" if tensor else f", or ({self._sources}, k) for k right-hand sides"
+            raise InputError(f"q has shape {charges.shape}: expected {expected}{columns}")
+        return np.ascontiguousarray(_real("q", charges, self.dtype))
+
+    def _apply(self, charges: Any) -> Any:
+        values = self._native.apply(charges.reshape(-1))
+        tensor = (self._fields,) if self._fields > 1 or self._densities > 1 else ()
+        if not self.gradient:
+            return values.reshape((self._targets, *tensor))
+        values = values.reshape(self._targets, 4, self._fields)
+        u, du = values[:, 0, :], values[:, 1:, :].transpose(0, 2, 1)
+        return u.reshape((self._targets, *tensor)).copy(), du.reshape((self._targets, *tensor, 3)).copy()
+
+    def _apply_columns(self, charges: Any) -> Any:
+        if charges.ndim != 2 or len(charges) != self._sources:
+            expected = f"({self._sources},), or ({self._sources}, k) for k right-hand sides"
+            raise InputError(f"q has shape {charges.shape}: expected {expected}")
+        columns = [self._apply(self._charges(column)) for column in charges.T]
+        tail = (self._fields,) if self._fields > 1 else ()
+        if not columns:
+            empty = np.empty((self._targets, 0, *tail), self.dtype)
+            return (empty, np.empty((self._targets, 0, *tail, 3), self.dtype)) if self.gradient else empty
+        if self.gradient:
+            return tuple(np.stack(parts, axis=1) for parts in zip(*columns))
+        return np.stack(columns, axis=1)
+
+
+def _points(name: str, points: Any, dtype: Any) -> Any:
+    points = np.asarray(points)
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise InputError(f"{name} has shape {points.shape}: expected (N, 3)")
+    if dtype is None:
+        dtype = np.dtype(np.float32 if points.dtype == np.float32 else np.float64)
+    return np.ascontiguousarray(_real(name, points, dtype))
+
+
+def _real(name: str, array: Any, dtype: Any) -> Any:
+    if array.dtype.kind not in "fiu":
+        raise InputError(f"{name} has elements of type {array.dtype}: expected real numbers, float64 or float32")
+    return array.astype(dtype, copy=False)
+
+
+def _rule(coincident: Any) -> tuple:
+    if coincident is None or coincident in ("skip", "formula"):
+        return coincident, 0.0
+    if isinstance(coincident, str):
+        raise InputError(f'coincident is {coincident!r}: expected "skip", "formula" or a number')
+    return "value", _number("coincident", coincident)
+
+
+def _number(name: str, value: Any) -> float:
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} is {value!r}: expected a number") from None
+
+
+def _count(name: str, value: Any, most: int = 2**31) -> int:
+    try:
+        count = operator.index(value)
+    except TypeError:
+        count = 0
+    if not 1 <= count <= most:
+        raise InputError(f"{name} is {value!r}: expected a whole number from 1 to {most}")
+    return count

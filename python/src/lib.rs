@@ -1,0 +1,212 @@
+//! The native part of the Python package `farfield`: plans and sums over contiguous arrays. Shapes and types are the
+//! business of `farfield/__init__.py`.
+
+use farfield::{Error, Point, Real, Vector};
+use farfield_formula::{Coincident, Options, Precision, READY, Ready, TextFormula};
+use numpy::{Element, PyArray1, PyReadonlyArray1};
+use pyo3::import_exception;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use rayon::{ThreadPool, ThreadPoolBuilder};
+
+import_exception!(farfield._errors, InputError);
+import_exception!(farfield._errors, KernelError);
+import_exception!(farfield._errors, SumError);
+import_exception!(farfield._errors, ToleranceError);
+
+/// The exception that says the same.
+fn exception(error: Error) -> PyErr {
+    let words = error.to_string();
+    match error {
+        Error::UnreachableTolerance { .. } => ToleranceError::new_err(words),
+        Error::NonFiniteValue { .. } | Error::NonFiniteKernel => SumError::new_err(words),
+        _ => InputError::new_err(words),
+    }
+}
+
+/// A kernel by name or text, with what holds where points coincide: a number, "skip", "formula", or `None` for what the
+/// kernel is known for.
+#[pyclass(frozen)]
+struct Kernel(TextFormula);
+
+#[pymethods]
+impl Kernel {
+    #[new]
+    fn new(
+        name_or_text: &str,
+        parameters: Vec<(String, f64)>,
+        coincident: Option<&str>,
+        value: f64,
+    ) -> PyResult<Self> {
+        let parameters: Vec<_> = parameters.iter().map(|(name, x)| (name.as_str(), *x)).collect();
+        let kernel = Ready::or_text(name_or_text, &parameters)
+            .map_err(|error| KernelError::new_err(error.to_string()))?;
+        Ok(Self(match coincident {
+            None => kernel,
+            Some("skip") => kernel.coincident(Coincident::Skip),
+            Some("formula") => kernel.coincident(Coincident::Formula),
+            Some(_) => kernel.coincident(Coincident::Value(value)),
+        }))
+    }
+
+    /// Numbers of a value and of a charge.
+    #[getter]
+    fn shape(&self) -> (usize, usize) {
+        (self.0.rows(), self.0.columns())
+    }
+}
+
+/// All kernels with a name: name, description, formula, parameters with their values.
+#[pyfunction]
+fn kernels() -> Vec<(&'static str, &'static str, &'static str, Vec<(&'static str, f64)>)> {
+    let one = |ready: &Ready| {
+        let parameters = ready.parameters.iter().map(|p| (p.name, p.default)).collect();
+        (ready.name, ready.about, ready.text, parameters)
+    };
+    READY.iter().map(one).collect()
+}
+
+/// A plan in one precision, and the threads it runs on.
+struct Planned<T> {
+    plan: farfield_formula::Plan<T>,
+    pool: Option<ThreadPool>,
+}
+
+impl<T: Precision + Element> Planned<T> {
+    fn new(
+        py: Python<'_>,
+        kernel: &Kernel,
+        sources: &[T],
+        targets: &[T],
+        options: &Options,
+        threads: Option<usize>,
+    ) -> PyResult<Self> {
+        let pool = match threads {
+            Some(count) => {
+                let pool = ThreadPoolBuilder::new().num_threads(count).build();
+                Some(pool.map_err(|error| InputError::new_err(error.to_string()))?)
+            }
+            None => None,
+        };
+        let plan = py.detach(|| {
+            let (sources, targets) = (points(sources), points(targets));
+            let plan = || farfield_formula::Plan::new(&kernel.0, &sources, &targets, options);
+            match &pool {
+                Some(pool) => pool.install(plan),
+                None => plan(),
+            }
+        });
+        Ok(Self { plan: plan.map_err(exception)?, pool })
+    }
+
+    /// Does work without holding up other threads of Python, on the threads of the plan.
+    fn run<R: Send>(
+        &self,
+        py: Python<'_>,
+        work: impl FnOnce(&farfield_formula::Plan<T>) -> Result<R, Error> + Send,
+    ) -> PyResult<R> {
+        let found = py.detach(|| match &self.pool {
+            Some(pool) => pool.install(|| work(&self.plan)),
+            None => work(&self.plan),
+        });
+        found.map_err(exception)
+    }
+}
+
+fn points<T: Real>(coordinates: &[T]) -> Vec<Point<T>> {
+    let point = |p: &[T; 3]| Point::<T>::from_array(*p);
+    coordinates.as_chunks::<3>().0.iter().map(point).collect()
+}
+
+macro_rules! plan {
+    ($name:ident, $real:ty) => {
+        /// A plan over flat arrays in one precision.
+        #[pyclass(frozen)]
+        struct $name(Planned<$real>);
+
+        #[pymethods]
+        impl $name {
+            #[new]
+            #[expect(clippy::too_many_arguments, reason = "called by one line of Python")]
+            fn new(
+                py: Python<'_>,
+                kernel: PyRef<'_, Kernel>,
+                sources: PyReadonlyArray1<'_, $real>,
+                targets: PyReadonlyArray1<'_, $real>,
+                tolerance: f64,
+                gradient: bool,
+                applications: usize,
+                threads: Option<usize>,
+            ) -> PyResult<Self> {
+                let mut options = Options::default();
+                options.tolerance = tolerance;
+                options.gradient = gradient;
+                options.applications = applications;
+                // Copies: another thread of Python might write to the arrays meanwhile.
+                let (sources, targets) =
+                    (sources.as_slice()?.to_vec(), targets.as_slice()?.to_vec());
+                let kernel = Kernel(kernel.0.clone());
+                Ok(Self(Planned::new(py, &kernel, &sources, &targets, &options, threads)?))
+            }
+
+            /// The sums for flat charges.
+            fn apply<'py>(
+                &self,
+                py: Python<'py>,
+                charges: PyReadonlyArray1<'_, $real>,
+            ) -> PyResult<Bound<'py, PyArray1<$real>>> {
+                let charges = charges.as_slice()?.to_vec();
+                let values = self.0.run(py, |plan| plan.apply(&charges))?;
+                Ok(PyArray1::from_vec(py, values))
+            }
+
+            /// How far the sums are from the exact ones.
+            fn certificate<'py>(
+                &self,
+                py: Python<'py>,
+                charges: PyReadonlyArray1<'_, $real>,
+            ) -> PyResult<Bound<'py, PyDict>> {
+                let charges = charges.as_slice()?.to_vec();
+                let (_, found) = self.0.run(py, |plan| plan.apply_certified(&charges))?;
+                let certificate = PyDict::new(py);
+                certificate.set_item("relative_l2", found.relative_l2)?;
+                certificate.set_item("estimate", found.estimate)?;
+                certificate.set_item("confidence", found.confidence)?;
+                certificate.set_item("samples", found.samples)?;
+                certificate.set_item("condition", found.condition)?;
+                Ok(certificate)
+            }
+
+            /// What the plan consists of.
+            fn report<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+                let found = self.0.plan.report();
+                let report = PyDict::new(py);
+                report.set_item("scheme", found.stats.scheme.to_string())?;
+                report.set_item("fallback", found.stats.fallback.clone())?;
+                report.set_item("sources", found.stats.sources)?;
+                report.set_item("targets", found.stats.targets)?;
+                report.set_item("cells", found.stats.cells)?;
+                report.set_item("depth", found.stats.depth)?;
+                report.set_item("leaf_size", found.stats.leaf_size)?;
+                report.set_item("expansion_pairs", found.stats.expansion_pairs)?;
+                report.set_item("direct_pairs", found.stats.direct_pairs)?;
+                report.set_item("left_out_pairs", found.stats.left_out_pairs)?;
+                report.set_item("bytes", found.stats.plan_bytes() + found.stats.workspace_bytes)?;
+                report.set_item("text", found.to_string())?;
+                Ok(report)
+            }
+        }
+    };
+}
+
+plan!(PlanF64, f64);
+plan!(PlanF32, f32);
+
+/// The module `farfield._native`.
+#[pymodule]
+fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<Kernel>()?;
+    module.add_class::<PlanF64>()?;
+    module.add_class::<PlanF32>()?;
+    module.add_function(wrap_pyfunction!(kernels, module)?)
+}

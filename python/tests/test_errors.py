@@ -1,0 +1,52 @@
+"""What is refused, with which words."""
+
+import farfield as ff
+import numpy as np
+import pytest
+
+X = np.zeros((4, 3)) + np.arange(4)[:, None]
+Q = np.ones(4)
+
+
+@pytest.mark.parametrize(
+    "call, kind, words",
+    [
+        (lambda: ff.sum("1/r", X[:, :2], Q), ff.InputError, r"x has shape \(4, 2\): expected \(N, 3\)"),
+        (lambda: ff.sum("1/r", X[0], Q), ff.InputError, r"x has shape \(3,\)"),
+        (lambda: ff.sum("1/r", X, Q[:3]), ff.InputError, r"q has shape \(3,\): expected \(4,\), or \(4, k\)"),
+        (lambda: ff.sum("1/r", X, np.ones((3, 2))), ff.InputError, r"q has shape \(3, 2\): expected \(4,\)"),
+        (lambda: ff.sum("stokeslet", X, Q), ff.InputError, r"q has shape \(4,\): expected \(4, 3\)"),
+        (lambda: ff.sum("1/r", X, Q, targets=[1, 2, 3]), ff.InputError, "targets has shape"),
+        (lambda: ff.sum("1/r", X, Q * 1j), ff.InputError, "q has elements of type complex128"),
+        (lambda: ff.sum("1/r", [["a"] * 3], Q), ff.InputError, "x has elements of type"),
+        (lambda: ff.sum("1/r", X * np.nan, Q), ff.InputError, "source 0 is at .*expected finite"),
+        (lambda: ff.sum("1/r", X, Q * np.inf), ff.InputError, "charge 0 is .*expected a finite charge"),
+        (lambda: ff.sum("1/r", X, Q, tolerance=2), ff.InputError, "tolerance 2: expected a number between"),
+        (lambda: ff.sum("1/r", X, Q, tolerance="a"), ff.InputError, "tolerance is 'a': expected a number"),
+        (lambda: ff.sum("1/r", X, Q, threads=0), ff.InputError, "threads is 0: expected a whole number"),
+        (lambda: ff.sum("1/r", X, Q, coincident="no"), ff.InputError, "coincident is 'no'"),
+        (lambda: ff.sum(3, X, Q), ff.KernelError, "kernel is int"),
+        (lambda: ff.sum("1/q", X, Q), ff.KernelError, 'the name "q" is unknown'),
+        (lambda: ff.sum("1/r", X, Q, k=1), ff.KernelError, 'the parameter "k" does not occur'),
+        (lambda: ff.sum("exp(-k*r)", X, Q, k="a"), ff.InputError, "k is 'a': expected a number"),
+        (lambda: ff.sum("exp(i*r)", X, Q), ff.KernelError, "formulas here are real"),
+        (lambda: ff.sum("stokslet", X, Q), ff.KernelError, "stokeslet perhaps"),
+    ],
+)
+def test_input_is_refused_by_name(call, kind, words):
+    with pytest.raises(kind, match=words) as caught:
+        call()
+    assert isinstance(caught.value, ff.Error) and isinstance(caught.value, ValueError)
+
+
+def test_errors_in_texts_are_pointed_at():
+    with pytest.raises(ff.KernelError) as caught:
+        ff.sum("exp(-k*r)/q", X, Q, k=1.0)
+    _, text, caret = str(caught.value).split("\n")
+    assert text.index("q") == caret.index("^")
+
+
+def test_empty_sets_are_valid():
+    assert ff.sum("1/r", np.empty((0, 3)), []).shape == (0,)
+    assert ff.sum("1/r", X, Q, targets=np.empty((0, 3))).shape == (0,)
+    assert ff.sum("1/r", np.empty((0, 3)), [], targets=X).tolist() == [0] * 4
