@@ -56,9 +56,12 @@ impl Kernel {
     }
 }
 
-/// All kernels with a name: name, description, formula, parameters with their values.
+/// A kernel with a name: name, description, formula, parameters with their values.
+type Named = (&'static str, &'static str, &'static str, Vec<(&'static str, f64)>);
+
+/// All kernels with a name.
 #[pyfunction]
-fn kernels() -> Vec<(&'static str, &'static str, &'static str, Vec<(&'static str, f64)>)> {
+fn kernels() -> Vec<Named> {
     let one = |ready: &Ready| {
         let parameters = ready.parameters.iter().map(|p| (p.name, p.default)).collect();
         (ready.name, ready.about, ready.text, parameters)

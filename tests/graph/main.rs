@@ -31,7 +31,7 @@ const KERNELS: [&str; 14] = [
 ];
 
 /// What occlusion may take from the engine: numbers, points, and the registers that both are worked on in.
-const NUMBERS: [&str; 5] = ["Number", "Point", "Real", "Vector", "dispatch"];
+const NUMBERS: [&str; 6] = ["DispatchLevel", "Number", "Point", "Real", "Vector", "dispatch"];
 
 #[test]
 fn folders_of_the_engine_import_only_from_those_above() {

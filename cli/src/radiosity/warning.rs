@@ -35,6 +35,8 @@ pub(crate) enum WarningKind {
     Closure,
     /// Elements of a closed room that exchange nothing.
     DarkRow,
+    /// Lamps that lie within bodies, or between bodies that touch.
+    BuriedLamp,
     /// Elements that are too large for the tolerance.
     MissedTolerance,
 }
@@ -158,6 +160,20 @@ impl Warning {
                 && takes_part(element)
                 && !sight.is_buried(surfel.position, surfel.normal)
         };
+        let is_lost = |&element: &usize| {
+            let material = &scene.materials[mesh.material[element] as usize];
+            !takes_part(element) && material.emission.iter().any(|&e| e > 0.0)
+        };
+        let lost: Vec<_> = (0..row_sums.len()).filter(is_lost).collect();
+        if let Some(&first) = lost.first() {
+            let message = format!(
+                "lamps that see backs of surfaces only, within bodies or between them, light nothing: {} \
+                 elements, first of them {}",
+                lost.len(),
+                mesh.describe(scene, first)
+            );
+            warnings.push(Self::new(WarningKind::BuriedLamp, message));
+        }
         if scene.closed {
             let dark: Vec<_> = (0..row_sums.len()).filter(is_dark).collect();
             if let Some(&first) = dark.first() {
@@ -259,6 +275,12 @@ mod tests {
         factors[count / 2] = 1.0;
         let open = Scene { closed: false, ..scene.clone() };
         assert!(of(&open, &sums, &factors).is_empty());
+        // All walls of a furnace glow.
+        (sums[count / 3], factors[count / 3]) = (0.0, 0.0);
+        let found = of(&open, &sums, &factors);
+        assert_eq!(found.len(), 1);
+        assert_eq!(found[0].0, WarningKind::BuriedLamp);
+        assert!(found[0].1.contains(": 1 elements") && found[0].1.contains(&whose(count / 3)));
     }
 
     #[test]

@@ -19,8 +19,11 @@ fn turned(d: DVec3, q: &[f64]) -> DVec3 {
     DVec3::from_slice(q).cross(d) / d.length().powi(3)
 }
 
+/// A name, its parameters, and the same kernel written by hand.
+type Case = (&'static str, &'static [(&'static str, f64)], Pair);
+
 /// All kernels with parameters other than their defaults, and what they are; singular ones are not asked for d = 0.
-const KERNELS: [(&str, &[(&str, f64)], Pair); 23] = [
+const KERNELS: [Case; 23] = [
     ("laplace", &[], |d, q| vec![q[0] / d.length()]),
     ("laplace_dipole", &[], |d, q| vec![d.dot(DVec3::from_slice(q)) / d.length().powi(3)]),
     ("yukawa", &[("k", 2.0)], |d, q| vec![q[0] * (-2.0 * d.length()).exp() / d.length()]),
