@@ -116,7 +116,7 @@ fn flags_out_of_range_are_refused() {
         ("--order -1", &["-1"]),
         ("--scheme fast", &["'fast'", "treecode"]),
         ("--precision f16", &["'f16'", "f32", "f64"]),
-        ("--kernel gravity", &["'gravity'", "inverse-distance"]),
+        ("--kernel gravity", &["\"gravity\"", "inverse-distance"]),
     ] {
         let kernel = if flags.contains("--kernel") { "" } else { "--kernel inverse-distance" };
         refused(&folder, &format!("{OWN} {kernel} {flags}"), expected);
