@@ -174,7 +174,7 @@ class Plan:
 
     def __call__(self, q: Any) -> Any:
         """The sums for charges q, as `sum` returns them."""
-        charges = np.asarray(q)
+        charges = _array("q", q)
         if self._densities > 1 or charges.ndim == 1:
             return self._apply(self._charges(charges))
         return self._apply_columns(charges)
@@ -183,7 +183,7 @@ class Plan:
 
     def certificate(self, q: Any) -> Certificate:
         """How far the sums for charges q, of one right-hand side, are from the exact ones. Sums once more."""
-        return Certificate(**self._native.certificate(self._charges(np.asarray(q)).reshape(-1)))
+        return Certificate(**self._native.certificate(self._charges(_array("q", q)).reshape(-1)))
 
     def report(self) -> dict:
         """What the plan consists of: sizes, pairs of each kind, and a table as "text"."""
@@ -238,7 +238,7 @@ class Plan:
 
 
 def _points(name: str, points: Any, dtype: Any) -> Any:
-    points = np.asarray(points)
+    points = _array(name, points)
     if points.ndim != 2 or points.shape[1] != 3:
         raise InputError(f"{name} has shape {points.shape}: expected (N, 3)")
     if dtype is None:
@@ -246,16 +246,31 @@ def _points(name: str, points: Any, dtype: Any) -> Any:
     return np.ascontiguousarray(_real(name, points, dtype))
 
 
+def _array(name: str, given: Any) -> Any:
+    if isinstance(given, np.ma.MaskedArray):
+        raise InputError(f"{name} is a masked array: expected plain numbers, of which none is left out")
+    try:
+        return np.asarray(given)
+    except ValueError as error:
+        raise InputError(f"{name} is no array: {error}") from None
+
+
 def _real(name: str, array: Any, dtype: Any) -> Any:
     if array.dtype.kind not in "fiu":
         raise InputError(f"{name} has elements of type {array.dtype}: expected real numbers, float64 or float32")
-    return array.astype(dtype, copy=False)
+    with np.errstate(over="ignore"):
+        numbers = array.astype(dtype, copy=False)
+    if dtype == np.float32 and np.any(np.isinf(numbers) & np.isfinite(array)):
+        raise InputError(f"{name} has numbers beyond the largest of float32, the precision of x")
+    return numbers
 
 
 def _rule(coincident: Any) -> tuple:
-    if coincident is None or coincident in ("skip", "formula"):
-        return coincident, 0.0
+    if coincident is None:
+        return None, 0.0
     if isinstance(coincident, str):
+        if coincident in ("skip", "formula"):
+            return coincident, 0.0
         raise InputError(f'coincident is {coincident!r}: expected "skip", "formula" or a number')
     return "value", _number("coincident", coincident)
 
@@ -263,7 +278,7 @@ def _rule(coincident: Any) -> tuple:
 def _number(name: str, value: Any) -> float:
     try:
         return float(value)
-    except (TypeError, ValueError):
+    except (OverflowError, TypeError, ValueError):
         raise InputError(f"{name} is {value!r}: expected a number") from None
 
 

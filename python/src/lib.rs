@@ -1,6 +1,8 @@
 //! The native part of the Python package `farfield`: plans and sums over contiguous arrays. Shapes and types are the
 //! business of `farfield/__init__.py`.
 
+use std::sync::OnceLock;
+
 use farfield::{Error, Point, Real, Vector};
 use farfield_formula::{Coincident, Options, Precision, READY, Ready, TextFormula};
 use numpy::{Element, PyArray1, PyReadonlyArray1};
@@ -73,7 +75,12 @@ fn kernels() -> Vec<Named> {
 struct Planned<T> {
     plan: farfield_formula::Plan<T>,
     pool: Option<ThreadPool>,
+    /// The process whose threads they are: a fork has none of them.
+    process: u32,
 }
+
+/// The process that has the threads of the default.
+static FIRST_PROCESS: OnceLock<u32> = OnceLock::new();
 
 impl<T: Precision + Element> Planned<T> {
     fn new(
@@ -84,12 +91,14 @@ impl<T: Precision + Element> Planned<T> {
         options: &Options,
         threads: Option<usize>,
     ) -> PyResult<Self> {
-        let pool = match threads {
-            Some(count) => {
-                let pool = ThreadPoolBuilder::new().num_threads(count).build();
-                Some(pool.map_err(|error| InputError::new_err(error.to_string()))?)
-            }
-            None => None,
+        let process = std::process::id();
+        let is_forked = *FIRST_PROCESS.get_or_init(|| process) != process;
+        let pool = if threads.is_some() || is_forked {
+            // As many as there are cores, if it is not said.
+            let pool = ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0)).build();
+            Some(pool.map_err(|error| InputError::new_err(error.to_string()))?)
+        } else {
+            None
         };
         let plan = py.detach(|| {
             let (sources, targets) = (points(sources), points(targets));
@@ -99,7 +108,7 @@ impl<T: Precision + Element> Planned<T> {
                 None => plan(),
             }
         });
-        Ok(Self { plan: plan.map_err(exception)?, pool })
+        Ok(Self { plan: plan.map_err(exception)?, pool, process })
     }
 
     /// Does work without holding up other threads of Python, on the threads of the plan.
@@ -108,6 +117,11 @@ impl<T: Precision + Element> Planned<T> {
         py: Python<'_>,
         work: impl FnOnce(&farfield_formula::Plan<T>) -> Result<R, Error> + Send,
     ) -> PyResult<R> {
+        if self.process != std::process::id() {
+            return Err(InputError::new_err(
+                "the plan was made before this process was forked: expected one that is made in it",
+            ));
+        }
         let found = py.detach(|| match &self.pool {
             Some(pool) => pool.install(|| work(&self.plan)),
             None => work(&self.plan),

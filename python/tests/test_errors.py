@@ -1,5 +1,7 @@
 """What is refused, with which words."""
 
+import os
+
 import farfield as ff
 import numpy as np
 import pytest
@@ -50,3 +52,36 @@ def test_empty_sets_are_valid():
     assert ff.sum("1/r", np.empty((0, 3)), []).shape == (0,)
     assert ff.sum("1/r", X, Q, targets=np.empty((0, 3))).shape == (0,)
     assert ff.sum("1/r", np.empty((0, 3)), [], targets=X).tolist() == [0] * 4
+
+
+def test_masks_ragged_lists_and_numbers_beyond_the_precision_are_refused():
+    x, q = np.zeros((3, 3)), np.ma.masked_array([1.0, 1e9, 1.0], [False, True, False])
+    for arguments, words in [
+        ((x, q), "q is a masked array"),
+        (([[1, 2, 3], [1, 2]], q.data), "x is no array"),
+        ((x.astype(np.float32), np.array([1.0, 1e300, 1.0])), "q has numbers beyond"),
+    ]:
+        with pytest.raises(ff.InputError, match=words):
+            ff.sum("1/r", *arguments)
+    with pytest.raises(ff.InputError, match="tolerance is 1000"):
+        ff.sum("1/r", x, q.data, tolerance=10**400)
+
+
+def test_a_forked_process_sums_with_threads_of_its_own():
+    x, q = np.random.default_rng(1).random((500, 3)), np.ones(500)
+    plan = ff.plan("1/r", x)
+    expected = plan(q)
+
+    def child():
+        if not np.array_equal(ff.sum("1/r", x, q), expected):
+            return 1
+        try:
+            plan(q)
+        except ff.InputError as error:
+            return 0 if "forked" in str(error) else 2
+        return 3
+
+    process = os.fork()
+    if process == 0:
+        os._exit(child())
+    assert os.waitstatus_to_exitcode(os.waitpid(process, 0)[1]) == 0

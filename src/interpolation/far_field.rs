@@ -140,7 +140,10 @@ impl<T: Real> FarField<T> {
             let (y, weight) = self.sources[i];
             kernel.write_field(&grid, y * self.half_width, columns);
             rule.coefficients(columns);
-            let norm = (norm_squared(columns) / kernel.densities as f64).sqrt();
+            // What is the same all over a cell has no slope, and would hide the slopes of what grows with distance.
+            let first = usize::from(scale.slopes && i >= shells);
+            let fields = columns.chunks_exact(nodes).map(|field| norm_squared(&field[first..]));
+            let norm = (fields.sum::<f64>() / kernel.densities as f64).sqrt();
             let shrink = if norm > size { size / norm } else { 1.0 };
             let share = if i >= shells { shrink * scale.shells } else { 1.0 };
             let factor = S::from_real(T::from_f64(weight.sqrt() * share));

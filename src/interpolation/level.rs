@@ -122,9 +122,10 @@ impl<S: Scalar> Request<'_, S> {
 
     fn spectra(&self) -> Result<Spectra<S>, Error> {
         let parities = probe::parities(self.kernel, self.far.half_width());
+        let scale = Scale { slopes: self.slopes.is_some(), ..self.scale };
         let spectrum = |kernel: &Entries<'_, S>, of: fn(&Parities) -> &[u8]| {
             let parities = parities.as_ref().map(of);
-            Spectrum::new(kernel, parities, self.far, self.rule, self.scale)
+            Spectrum::new(kernel, parities, self.far, self.rule, scale)
         };
         let targets = spectrum(self.kernel, |p| &p.fields)?;
         // A basis serves both sides only if its functions have the same signs on both: dx·dy is symmetric, but

@@ -20,7 +20,7 @@ use crate::interpolation::order::{Refusal, Restriction, smooth_share};
 use crate::interpolation::probe;
 use crate::interpolation::scale::{Scale, Served, factor};
 use crate::interpolation::transfer::Transfers;
-use crate::interpolation::tuning::{EXTENDED_BYTES, SAMPLED_REACH, SMOOTH_SHARE};
+use crate::interpolation::tuning::{EXTENDED_BYTES, SAMPLED_REACH, SLOPE_ROUNDING, SMOOTH_SHARE};
 use crate::linalg::matrix::Matrix;
 use crate::numbers::traits::{Real, Scalar};
 
@@ -164,6 +164,12 @@ impl<S: Scalar> Invariant<S> {
                 sizes.slope_scales.push(scale(&slopes.times(far.half_width()), true)?);
             }
         }
+        if let (Accuracy::Tolerance(requested), Some(_)) = (accuracy, slopes) {
+            let reachable = slope_floor(&geometry.levels);
+            if reachable > requested {
+                return Err(Error::UnreachableTolerance { requested, reachable }.into());
+            }
+        }
         let operators = operators(kernel_name, kernel, slopes, accuracy, &sizes)?;
         let first_level = geometry.levels.first().map_or(0, |level| level.level);
         let extended = operators.levels.iter().map(|_| None).collect();
@@ -274,6 +280,21 @@ fn operators<S: Scalar>(
     let operators = Arc::new(Operators::new(kernel, slopes, accuracy, sizes)?);
     cache::remember(key, Arc::clone(&operators), digest(&operators));
     Ok(operators)
+}
+
+/// What rounding leaves of derivatives: a value that comes from coarser levels is rounded, and differs by little
+/// within a small cell. It is about ε n |G| / h for values G that pass through cells of half-width h.
+fn slope_floor<T: Real>(levels: &[Level<T>]) -> f64 {
+    let (mut largest, mut floor) = (0.0f64, 0.0f64);
+    for level in levels {
+        if let (Some(values), Some(slopes)) = (level.values, level.slopes) {
+            let slope =
+                SLOPE_ROUNDING * T::epsilon().as_f64() * largest / level.half_width.as_f64();
+            floor = floor.max(slope / slopes.through);
+            largest = largest.max(values.pair);
+        }
+    }
+    floor
 }
 
 /// |o|²

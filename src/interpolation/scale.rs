@@ -18,6 +18,8 @@ pub(crate) struct Scale {
     pub(crate) nearest: bool,
     /// How many times as much what comes from farther counts: it passes through more levels.
     pub(crate) shells: f64,
+    /// Whether what comes from farther is as accurate in its slopes as in its values.
+    pub(crate) slopes: bool,
 }
 
 /// A level that operators serve, in the unit of the operators' kernel.
@@ -72,6 +74,7 @@ impl Scale {
                 corners: model.grows(),
                 nearest: false,
                 shells: 1.0,
+                slopes: false,
             };
         }
         let from = |cells: f64| -> f64 {
@@ -88,6 +91,7 @@ impl Scale {
             corners: model.grows() || one,
             nearest: few,
             shells: rounded(farther, 1.0),
+            slopes: false,
         }
     }
 

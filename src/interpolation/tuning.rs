@@ -123,3 +123,7 @@ pub(crate) const TASK_BYTES: usize = 1 << 19;
 
 /// Numbers per task of a sweep over all of them.
 pub(crate) const SWEEP_CHUNK: usize = 1 << 14;
+
+/// How many times the machine epsilon a value in a cell is off by rounding, as its derivatives see it: about as
+/// many as there are nodes per axis.
+pub(crate) const SLOPE_ROUNDING: f64 = 8.0;

@@ -1,6 +1,6 @@
 //! Clouds of many scales: what lies between them is a chain of cells, and costs no more than that.
 
-use farfield::{Fmm, Report, direct, relative_l2_error};
+use farfield::{Fmm, Report, WithGradient, direct, formula, relative_l2_error};
 use farfield_potentials::{HarmonicExpansion, InverseDistance};
 use farfield_testing::clouds::{self, Random, charges};
 use glam::{DVec3, Vec3};
@@ -146,5 +146,31 @@ fn single_precision_keeps_the_tolerance_on_all_scales() {
         assert!(stats.direct_pairs < 3000 * 1000 && stats.depth > 20, "{stats:?}");
         let error = relative_l2_error(&fmm.apply(&charges).unwrap(), &exact);
         assert!(error < 1e-4, "{error:e}");
+    }
+}
+
+#[test]
+fn gradients_of_what_grows_keep_the_tolerance_from_far_away() {
+    let mut random = Random::new(3);
+    let apart: Vec<DVec3> =
+        (0..8000).map(|i| random.in_cube() + DVec3::X * (1e4 * (i % 2) as f64)).collect();
+    // Values are rounded by more than gradients are large within the smallest cells.
+    let widest: Vec<DVec3> =
+        (0..8000).map(|_| random.direction() * 10f64.powf(random.between(-6.0, 6.0))).collect();
+    let charges = charges(8000, 4);
+    let kernel = formula!(|d| d.length()).skip_coincident().gradient();
+    for (points, is_expanded) in [(apart, true), (widest, false)] {
+        let plan = Fmm::builder(kernel).tolerance(1e-3).applications(2000);
+        let fmm = plan.build(&points, &points).unwrap();
+        assert_eq!(fmm.report().stats.expansion_pairs > 0, is_expanded);
+        let values = fmm.apply(&charges).unwrap();
+        let targets: Vec<DVec3> = points.iter().step_by(37).copied().collect();
+        let exact = direct(&kernel, &points, &charges, &targets).unwrap();
+        let slopes = |values: &mut dyn Iterator<Item = &WithGradient<f64>>| -> Vec<f64> {
+            values.flat_map(|u| u.gradient).collect()
+        };
+        let [found, exact] = [slopes(&mut values.iter().step_by(37)), slopes(&mut exact.iter())];
+        let error = relative_l2_error(&found, &exact);
+        assert!(error < 1e-3, "{error:e}");
     }
 }
