@@ -62,7 +62,7 @@ pub(crate) fn build_levels<S: Scalar>(
         let next = parallel::map(attempts.len(), &|k| attempts[k].tightened());
         for (attempt, next) in attempts.iter_mut().zip(next) {
             if let Some((share, level)) = next? {
-                (attempt.share, attempt.level) = (share, level);
+                attempt.take(share, level);
             }
         }
     }
@@ -72,7 +72,8 @@ pub(crate) fn build_levels<S: Scalar>(
 /// The operators of a level with one choice of its cut-offs.
 struct Attempt<'a, S: Scalar> {
     request: &'a Request<'a, S>,
-    spectra: Spectra<S>,
+    /// None once the level's own error is accepted: they are large, and not needed any more.
+    spectra: Option<Spectra<S>>,
     /// The share of the tolerance that truncations have.
     share: f64,
     level: LevelOperators<S>,
@@ -91,18 +92,23 @@ impl<'a, S: Scalar> Attempt<'a, S> {
         }
         // The first attempt is seldom the last.
         let level = request.operators(&spectra, share, 2.0)?;
+        let spectra = (level.error > request.accepted_error()).then_some(spectra);
         Ok(Self { request, spectra, share, level })
     }
 
     /// A smaller share and what comes of it; none if the level's own error is accepted.
     fn tightened(&self) -> Result<Option<(f64, LevelOperators<S>)>, Error> {
+        let Some(spectra) = &self.spectra else { return Ok(None) };
         let excess = self.level.error / self.request.accepted_error();
-        if excess <= 1.0 {
-            return Ok(None);
-        }
         let share = self.share * (0.9 / excess).clamp(0.2, 0.75);
-        let level = self.request.operators(&self.spectra, share, 1.0)?;
-        Ok(Some((share, level)))
+        Ok(Some((share, self.request.operators(spectra, share, 1.0)?)))
+    }
+
+    fn take(&mut self, share: f64, level: LevelOperators<S>) {
+        if level.error <= self.request.accepted_error() {
+            self.spectra = None;
+        }
+        (self.share, self.level) = (share, level);
     }
 }
 

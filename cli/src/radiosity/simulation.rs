@@ -191,7 +191,7 @@ impl Run<'_> {
         let rays = (ALL_RAYS / elements.len().max(1)).clamp(LEAST_RAYS, MOST_RAYS);
         let around = Surroundings::new(elements, sight.occluders(), rays);
         let passes = args.visibility == VisibilityName::None;
-        operator.leave_out(if passes { vec![false; elements.len()] } else { around.buried() })?;
+        (!passes).then(|| operator.leave_out(around.buried())).transpose()?;
         let row_sums = operator.row_sums()?;
         let parts =
             if scene.closed { around.closed_parts().to_vec() } else { vec![None; elements.len()] };
