@@ -40,7 +40,7 @@ pub use cutting::refine::Refinement;
 pub use formats::load::load;
 pub use formats::view3d::{View3d, View3dRole, View3dSurface};
 pub use generators::{GENERATORS, generate};
-pub use output::files::{Output, OutputError};
+pub use output::files::{Output, OutputError, write_file};
 pub use output::table::Table;
 pub use pictures::lamps::direct_light_by_pixel;
 pub use pictures::picture::Picture;

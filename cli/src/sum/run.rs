@@ -12,6 +12,7 @@ use farfield_potentials::{
     Exponent, HarmonicExpansion, MinusFour, MinusOne, MinusTwo, Output, PlusTwo, Potential,
     PotentialGradient, PowerLaw, WithGradient,
 };
+use farfield_scenes::write_file;
 
 use super::args::{self, Args, Precision, Scheme};
 use super::error::Failure;
@@ -318,10 +319,10 @@ pub(super) fn publish<T: Number>(
 }
 
 fn write_report(path: &Path, report: &Report) -> Result<(), WriteError> {
-    write::whole_file(path, |file| {
+    Ok(write_file(path, |file| {
         serde_json::to_writer_pretty(&mut *file, report).map_err(io::Error::other)?;
         writeln!(file)
-    })
+    })?)
 }
 
 /// What a target receives, taken apart.

@@ -2,36 +2,24 @@
 
 use std::ffi::OsStr;
 use std::fmt::LowerExp;
-use std::fs::{self, File};
+use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use farfield_formula::Precision;
+use farfield_scenes::{OutputError, write_file};
 use ndarray::{ArrayView1, ArrayView2};
 use ndarray_npy::{WritableElement, WriteNpyExt};
 
 /// A file that could not be written.
 #[derive(Debug, thiserror::Error)]
-#[error("{}: {problem}", path.display())]
-pub(crate) struct WriteError {
-    path: PathBuf,
-    problem: Problem,
-}
-
-#[derive(Debug, thiserror::Error)]
-enum Problem {
-    #[error("unknown file type: expected .npy or .csv")]
-    Extension,
-    #[error("no such folder: expected one that exists")]
-    Folder,
-    #[error("{0}")]
-    Io(#[from] io::Error),
-}
-
-impl Problem {
-    fn at(self, path: &Path) -> WriteError {
-        WriteError { path: path.to_owned(), problem: self }
-    }
+pub(crate) enum WriteError {
+    #[error("{}: unknown file type: expected .npy or .csv", .0.display())]
+    Extension(PathBuf),
+    #[error("{}: no such folder: expected one that exists", .0.display())]
+    Folder(PathBuf),
+    #[error(transparent)]
+    Output(#[from] OutputError),
 }
 
 /// A number that can be written in every format.
@@ -44,7 +32,7 @@ impl Number for f64 {}
 pub(crate) fn check_values_path(path: &Path) -> Result<(), WriteError> {
     match format(path) {
         Some(_) => check_folder(path),
-        None => Err(Problem::Extension.at(path)),
+        None => Err(WriteError::Extension(path.to_owned())),
     }
 }
 
@@ -52,7 +40,7 @@ pub(crate) fn check_values_path(path: &Path) -> Result<(), WriteError> {
 pub(crate) fn check_folder(path: &Path) -> Result<(), WriteError> {
     match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() && !folder.is_dir() => {
-            Err(Problem::Folder.at(path))
+            Err(WriteError::Folder(path.to_owned()))
         }
         _ => Ok(()),
     }
@@ -65,32 +53,10 @@ pub(crate) fn values<T: Number>(
     columns: &[String],
 ) -> Result<(), WriteError> {
     match format(path) {
-        Some(Format::Npy) => whole_file(path, |file| npy(file, values, columns.len())),
-        Some(Format::Csv) => whole_file(path, |file| csv(file, values, columns)),
-        None => Err(Problem::Extension.at(path)),
+        Some(Format::Npy) => Ok(write_file(path, |file| npy(file, values, columns.len()))?),
+        Some(Format::Csv) => Ok(write_file(path, |file| csv(file, values, columns))?),
+        None => Err(WriteError::Extension(path.to_owned())),
     }
-}
-
-/// Writes to a temporary name in the same folder and renames it once everything is on disk.
-pub(crate) fn whole_file(
-    path: &Path,
-    write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
-) -> Result<(), WriteError> {
-    let mut name = OsStr::new(".").to_owned();
-    name.push(path.file_name().unwrap_or_default());
-    name.push(format!(".{}", std::process::id()));
-    let temporary = path.with_file_name(name);
-    let finish = || {
-        let mut file = BufWriter::new(File::create(&temporary)?);
-        write(&mut file)?;
-        file.into_inner()?.sync_all()?;
-        fs::rename(&temporary, path)
-    };
-    finish().map_err(|error| {
-        // Best effort: the error that is reported is the one that came first.
-        let _ = fs::remove_file(&temporary);
-        Problem::Io(error).at(path)
-    })
 }
 
 enum Format {

@@ -1,7 +1,7 @@
 //! Files: written under temporary names, all renamed at the end or none.
 
 use std::fs::{self, File};
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
 
 use crate::cutting::fields::Fields;
@@ -52,7 +52,7 @@ impl Output {
     pub fn check(&self, path: &Path) -> Result<(), OutputError> {
         let failed = |source| OutputError { path: path.to_owned(), source };
         refuse_folder(path).map_err(failed)?;
-        let probe = beside(path, PARTIAL);
+        let probe = beside(&followed(path).map_err(failed)?, PARTIAL);
         let written = fs::write(&probe, [0]);
         drop(fs::remove_file(&probe));
         written.map_err(failed)
@@ -120,7 +120,8 @@ impl Output {
         self.write_at(&path, content)
     }
 
-    /// Writes a file that need not be in the folder.
+    /// Writes a file that need not be in the folder. A symbolic link stays, and the file that it leads to is
+    /// replaced. A device or a pipe stays too, and receives the content when the files are published.
     ///
     /// # Errors
     /// Those of [`write`](Self::write).
@@ -129,12 +130,13 @@ impl Output {
         path: &Path,
         content: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
     ) -> Result<(), OutputError> {
-        self.pending.push(path.to_owned());
-        let partial = beside(path, PARTIAL);
+        let path = followed(path).map_err(|source| OutputError::new(path, source))?;
+        let partial = beside(&path, PARTIAL);
+        self.pending.push(path);
         let written = File::create(&partial).and_then(|file| {
             let mut file = BufWriter::new(file);
             content(&mut file)?;
-            file.flush()
+            file.into_inner()?.sync_all()
         });
         written.map_err(|source| OutputError { path: partial, source })
     }
@@ -166,14 +168,39 @@ impl Drop for Output {
     }
 }
 
+/// Writes one file, which appears whole or not at all. Its folder must exist.
+///
+/// # Errors
+/// Those of [`Output::write`].
+pub fn write_file(
+    path: &Path,
+    content: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
+) -> Result<(), OutputError> {
+    let mut output = Output { folder: PathBuf::new(), pending: Vec::new() };
+    output.write_at(path, content)?;
+    output.publish()
+}
+
 /// How files are called that are not whole yet, and those that are about to be replaced.
 const PARTIAL: &str = "partial";
 const EARLIER: &str = "earlier";
 
-/// A temporary name beside a file.
+/// A temporary name beside a file. What is for a device or a pipe is kept among temporary files.
 fn beside(path: &Path, what: &str) -> PathBuf {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
-    path.with_file_name(format!(".{name}.{}.{what}", std::process::id()))
+    let name = format!(".{name}.{}.{what}", std::process::id());
+    if is_stream(path) { std::env::temp_dir().join(name) } else { path.with_file_name(name) }
+}
+
+/// Whether something other than a file or a folder has this name: it can be written to, but must not be replaced.
+fn is_stream(path: &Path) -> bool {
+    fs::metadata(path).is_ok_and(|what| !what.is_file() && !what.is_dir())
+}
+
+/// The file that a symbolic link leads to; any other path as it is.
+fn followed(path: &Path) -> io::Result<PathBuf> {
+    let is_link = fs::symlink_metadata(path).is_ok_and(|what| what.is_symlink());
+    if is_link && !is_stream(path) { fs::canonicalize(path) } else { Ok(path.to_owned()) }
 }
 
 /// Fails if there is a folder where a file is to be.
@@ -184,6 +211,11 @@ fn refuse_folder(path: &Path) -> io::Result<()> {
 /// Gives a file its name and puts an earlier one of that name aside.
 fn replace(path: &Path) -> io::Result<()> {
     refuse_folder(path)?;
+    if is_stream(path) {
+        let mut stream = fs::OpenOptions::new().write(true).open(path)?;
+        io::copy(&mut File::open(beside(path, PARTIAL))?, &mut stream)?;
+        return fs::remove_file(beside(path, PARTIAL));
+    }
     match fs::rename(path, beside(path, EARLIER)) {
         Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
         _ => (),
@@ -197,6 +229,9 @@ fn replace(path: &Path) -> io::Result<()> {
 
 /// Takes a file away that has its name, and puts the earlier one back.
 fn put_back(path: &Path) {
+    if is_stream(path) {
+        return;
+    }
     drop(fs::remove_file(path));
     drop(fs::rename(beside(path, EARLIER), path));
 }
@@ -204,6 +239,7 @@ fn put_back(path: &Path) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::io::Write;
 
     fn folder(test: &str) -> PathBuf {
         std::env::temp_dir().join(format!("farfield-{test}-{}", std::process::id()))
@@ -275,6 +311,45 @@ mod tests {
         assert!(output.csv("m.csv", &mesh, &short).is_err());
         drop(output);
         assert!(names(&folder.join("none")).is_empty());
+        fs::remove_dir_all(&folder).expect("removable");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn links_devices_and_pipes_stay_what_they_are() {
+        use std::os::unix::fs::{FileTypeExt, symlink};
+        let folder = folder("links");
+        fs::create_dir_all(&folder).expect("made");
+        let text = |file: &mut BufWriter<File>| file.write_all(b"later");
+
+        let (file, link) = (folder.join("file"), folder.join("link"));
+        fs::write(&file, "earlier").expect("written");
+        symlink(&file, &link).expect("linked");
+        write_file(&link, text).expect("written");
+        assert!(fs::symlink_metadata(&link).expect("there").is_symlink());
+        assert_eq!(fs::read(&file).expect("there"), b"later");
+        symlink(folder.join("nowhere"), folder.join("broken")).expect("linked");
+        assert!(write_file(&folder.join("broken"), text).is_err());
+
+        // A name of this test for a device: nothing is lost where the test itself fails.
+        let null = folder.join("null");
+        symlink("/dev/null", &null).expect("linked");
+        write_file(&null, text).expect("written");
+        assert!(fs::symlink_metadata(&null).expect("there").is_symlink());
+        assert!(fs::metadata(&null).expect("there").file_type().is_char_device());
+
+        let pipe = folder.join("pipe");
+        let made = std::process::Command::new("mkfifo").arg(&pipe).status().expect("mkfifo");
+        assert!(made.success());
+        let reader = std::thread::spawn({
+            let pipe = pipe.clone();
+            move || fs::read(pipe)
+        });
+        write_file(&pipe, text).expect("written");
+        assert_eq!(reader.join().expect("no panic").expect("readable"), b"later");
+        let mut found = names(&folder);
+        found.sort_unstable();
+        assert_eq!(found, ["broken", "file", "link", "null", "pipe"]);
         fs::remove_dir_all(&folder).expect("removable");
     }
 
