@@ -68,6 +68,8 @@ pub use expansion::level_cells::{LevelFamilies, LevelPairs};
 pub use expansion::offset_map::OffsetMap;
 pub use expansion::{ChargeOf, Expansion, RealOf, SourceOf, TargetOf, ValueOf};
 pub use interpolation::black_box::Interpolation;
+pub use interpolation::store::OperatorStore;
+pub use interpolation::store_error::StoreError;
 pub use interpolation::tuning::MAX_ORDER;
 pub use kernel::closure::{FnGradient, FnKernel, from_fn};
 pub use kernel::derivatives::{Derivatives, WithHessian};

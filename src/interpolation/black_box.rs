@@ -13,6 +13,7 @@ use crate::interpolation::basis::Basis;
 use crate::interpolation::everywhere::Everywhere;
 use crate::interpolation::prepared::Prepared;
 use crate::interpolation::scratch::{Scratch, Shifted};
+use crate::interpolation::store::OperatorStore;
 
 /// The far field of any [`Kernel`]: interpolation at Chebyshev nodes (Fong and Darve, "The
 /// black-box fast multipole method", J. Comput. Phys. 228, 2009), reduced to the numerical rank of the
@@ -28,14 +29,15 @@ use crate::interpolation::scratch::{Scratch, Shifted};
 /// Pairs of cells between which no order is enough are [not carried](crate::Expansion::admits), nor are those of
 /// which all that they send is within a tenth of the tolerance.
 ///
-/// Operators depend on the kernel and the tolerance, not on the points: sets that were used lately are
-/// remembered by the process and serve further plans.
+/// Operators depend on the kernel and the tolerance, not on the points: an [`OperatorStore`] keeps them for further plans.
 ///
 /// With rank r per cell and k per direction, M2L costs O(k²) multiply-adds per pair of cells and O(r k)
 /// per cell and direction, as matrix products; P2M and L2P cost O(n³) per point for n nodes per axis.
 pub struct Interpolation<K: Kernel> {
     pub(super) kernel: Arc<K>,
     pub(super) accuracy: Accuracy,
+    /// Where operators are kept.
+    pub(super) store: OperatorStore,
     pub(super) prepared: Prepared<K::Entry>,
     /// Which pairs of cells are carried.
     pub(super) admissibility: Admissibility,
@@ -48,15 +50,16 @@ pub struct Interpolation<K: Kernel> {
 impl<K: Kernel> Interpolation<K> {
     /// Expands `kernel` to a relative l2 error of 1e-6.
     pub fn new(kernel: K) -> Self {
-        Self::of(Arc::new(kernel), Accuracy::Tolerance(1e-6))
+        Self::of(Arc::new(kernel), Accuracy::Tolerance(1e-6), OperatorStore::of_process().clone())
     }
 
     /// Not prepared.
-    pub(super) fn of(kernel: Arc<K>, accuracy: Accuracy) -> Self {
+    pub(super) fn of(kernel: Arc<K>, accuracy: Accuracy, store: OperatorStore) -> Self {
         let everywhere = Everywhere::with_order(1, kernel.fields(), kernel.densities());
         Self {
             kernel,
             accuracy,
+            store,
             prepared: Prepared::Everywhere(Box::new(everywhere)),
             admissibility: Admissibility::default(),
             spent: 0.0,
@@ -73,6 +76,11 @@ impl<K: Kernel> Interpolation<K> {
     /// A fixed number of nodes per axis, 1 to [`MAX_ORDER`](crate::MAX_ORDER); nothing is cut off that they resolve.
     pub fn order(self, order: usize) -> Self {
         Self { accuracy: Accuracy::Order(order), ..self }
+    }
+
+    /// Where operators are looked for and kept; default [`OperatorStore::of_process`].
+    pub fn operator_store(self, store: &OperatorStore) -> Self {
+        Self { store: store.clone(), ..self }
     }
 
     /// Nodes per axis of a prepared expansion.

@@ -1,9 +1,10 @@
 //! What operators were built from, as one number.
 
-use std::hash::{DefaultHasher, Hash, Hasher};
+use std::hash::Hasher;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use crate::interpolation::entries::{Entries, PointOf, zero};
+use crate::interpolation::hashing::StableHasher;
 use crate::interpolation::operators::{Operators, Sizes};
 use crate::interpolation::probe::sample;
 use crate::interpolation::ranges::between;
@@ -61,15 +62,11 @@ fn add<S: Scalar>(sum: &AtomicU64, kernel: &Entries<'_, S>, xs: &[PointOf<S>], y
 
 /// A number for some numbers in their order.
 fn hash<S: Scalar>(numbers: &[S]) -> u64 {
-    // One multiplication for each number; a good mixture at the end.
-    const FACTOR: u64 = 0x9e37_79b9_7f4a_7c15;
-    let mut mixed = numbers.len() as u64;
+    let mut hasher = StableHasher::default();
     for number in numbers {
         for part in &number.parts()[..S::PARTS] {
-            mixed = (mixed.rotate_left(23) ^ part.as_f64().to_bits()).wrapping_mul(FACTOR);
+            hasher.write_u64(part.as_f64().to_bits());
         }
     }
-    let mut hasher = DefaultHasher::new();
-    mixed.hash(&mut hasher);
-    hasher.finish()
+    hasher.value()
 }

@@ -1,6 +1,5 @@
 //! The operators of interpolation, as the engine calls them.
 
-use std::any::type_name;
 use std::sync::Arc;
 
 use crate::error::Error;
@@ -11,9 +10,9 @@ use crate::expansion::level_cells::{LevelFamilies, LevelPairs};
 use crate::interpolation::accuracy::Accuracy;
 use crate::interpolation::black_box::Interpolation;
 use crate::interpolation::budget::PAIR_SHARE;
-use crate::interpolation::cache::KernelName;
 use crate::interpolation::cost;
 use crate::interpolation::entries::Entries;
+use crate::interpolation::known::Identity;
 use crate::interpolation::prepared::Prepared;
 use crate::interpolation::tuning::ENTRY_PAIRS;
 use crate::interpolation::work::Work;
@@ -58,12 +57,13 @@ impl<K: Kernel> Expansion for Interpolation<K> {
         // A given order is taken as it is.
         let measured = matches!(self.accuracy, Accuracy::Tolerance(_));
         let slopes = (measured && kernel.needs_gradients()).then_some(&slopes);
-        let name = KernelName {
-            name: type_name::<K>(),
-            code: K::entries as *const () as usize,
-            has_parameters: kernel.has_parameters(),
+        let identity = match kernel.identity() {
+            Some(identity) => Identity::Stated(identity),
+            None if kernel.has_parameters() => Identity::Values,
+            None => Identity::Code(K::entries as *const () as usize),
         };
-        let prepared = Prepared::new(name, &entries, slopes, self.accuracy, geometry);
+        let stored = (&self.store, identity);
+        let prepared = Prepared::new(stored, &entries, slopes, self.accuracy, geometry);
         self.spent = work.seconds();
         (self.prepared, self.admissibility) = prepared?;
         self.scratch = Pool::default();
@@ -77,7 +77,7 @@ impl<K: Kernel> Expansion for Interpolation<K> {
     fn again(&self) -> Option<Self> {
         // A given order is the same for all charges.
         let by_tolerance = matches!(self.accuracy, Accuracy::Tolerance(_));
-        by_tolerance.then(|| Self::of(Arc::clone(&self.kernel), self.accuracy))
+        by_tolerance.then(|| Self::of(Arc::clone(&self.kernel), self.accuracy, self.store.clone()))
     }
 
     fn pair_sizes(&self, level: usize) -> [f64; 2] {

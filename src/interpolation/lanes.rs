@@ -32,7 +32,7 @@ pub(crate) struct Padded<S> {
     pub(crate) rows: usize,
     pub(crate) columns: usize,
     /// Column after column.
-    registers: Vec<[S; LANES]>,
+    pub(crate) registers: Vec<[S; LANES]>,
 }
 
 impl<S: Scalar> Padded<S> {

@@ -8,10 +8,10 @@ use crate::error::Error;
 use crate::expansion::admissibility::Admissibility;
 use crate::expansion::geometry::{Geometry, Level};
 use crate::interpolation::accuracy::Accuracy;
-use crate::interpolation::cache::{self, KernelName, Key};
 use crate::interpolation::carried::Carried;
 use crate::interpolation::entries::Entries;
 use crate::interpolation::everywhere::Everywhere;
+use crate::interpolation::known::{Identity, Key};
 use crate::interpolation::left_out::leave_out;
 use crate::interpolation::level::LevelOperators;
 use crate::interpolation::means::INTERACTION_OFFSETS;
@@ -19,6 +19,7 @@ use crate::interpolation::operators::{Operators, Sizes};
 use crate::interpolation::order::{Refusal, Restriction, smooth_share};
 use crate::interpolation::probe;
 use crate::interpolation::scale::{Scale, Served, factor};
+use crate::interpolation::store::OperatorStore;
 use crate::interpolation::transfer::Transfers;
 use crate::interpolation::tuning::{EXTENDED_BYTES, SAMPLED_REACH, SLOPE_ROUNDING, SMOOTH_SHARE};
 use crate::linalg::matrix::Matrix;
@@ -60,7 +61,7 @@ pub(crate) struct Shift<'a, S: Scalar> {
 impl<S: Scalar> Prepared<S> {
     /// For the pairs of cells that are carried so far; or which of them can be, if those are fewer.
     pub(crate) fn new(
-        kernel_name: KernelName,
+        (store, identity): (&OperatorStore, Identity),
         kernel: &Entries<'_, S>,
         slopes: Option<&Entries<'_, S>>,
         accuracy: Accuracy,
@@ -78,7 +79,7 @@ impl<S: Scalar> Prepared<S> {
             let everywhere = Everywhere::new(kernel, slopes, accuracy, geometry)?;
             return Ok((Self::Everywhere(Box::new(everywhere)), before.clone()));
         }
-        match Invariant::new(kernel_name, kernel, slopes, accuracy, geometry) {
+        match Invariant::new((store, identity), kernel, slopes, accuracy, geometry) {
             Ok(invariant) => Ok((Self::Invariant(Box::new(invariant)), before.clone())),
             Err(Refusal::Error(error)) => Err(error),
             Err(Refusal::Restricted(restriction)) => {
@@ -97,7 +98,7 @@ impl<S: Scalar> Prepared<S> {
 
 impl<S: Scalar> Invariant<S> {
     fn new(
-        kernel_name: KernelName,
+        (store, identity): (&OperatorStore, Identity),
         kernel: &Entries<'_, S>,
         slopes: Option<&Entries<'_, S>>,
         accuracy: Accuracy,
@@ -170,7 +171,7 @@ impl<S: Scalar> Invariant<S> {
                 return Err(Error::UnreachableTolerance { requested, reachable }.into());
             }
         }
-        let operators = operators(kernel_name, kernel, slopes, accuracy, &sizes)?;
+        let operators = operators((store, identity), kernel, slopes, accuracy, &sizes)?;
         let first_level = geometry.levels.first().map_or(0, |level| level.level);
         let extended = operators.levels.iter().map(|_| None).collect();
         // The tolerance is divided among levels of their own.
@@ -260,25 +261,23 @@ impl<S: Scalar> Invariant<S> {
     }
 }
 
-/// Remembered operators, or new ones.
+/// Stored operators, or new ones.
 fn operators<S: Scalar>(
-    kernel_name: KernelName,
+    (store, identity): (&OperatorStore, Identity),
     kernel: &Entries<'_, S>,
     slopes: Option<&Entries<'_, S>>,
     accuracy: Accuracy,
     sizes: &Sizes<S::Real>,
 ) -> Result<Arc<Operators<S>>, Refusal> {
-    let key = Key::new(kernel_name, kernel, slopes.is_some(), accuracy, sizes);
-    let digest = |operators: &Operators<S>| {
-        if kernel_name.has_parameters { operators.digest(kernel, slopes, sizes) } else { 0 }
-    };
-    for (operators, known) in cache::candidates::<S>(&key) {
-        if digest(&operators) == known {
+    let key = Key::new(identity, kernel, slopes.is_some(), accuracy, sizes);
+    for (operators, known) in store.candidates::<S>(&key) {
+        if known.is_none_or(|known| operators.digest(kernel, slopes, sizes) == known) {
             return Ok(operators);
         }
     }
     let operators = Arc::new(Operators::new(kernel, slopes, accuracy, sizes)?);
-    cache::remember(key, Arc::clone(&operators), digest(&operators));
+    let digest = store.needs_digest(&key).then(|| operators.digest(kernel, slopes, sizes));
+    store.remember(key, Arc::clone(&operators), digest);
     Ok(operators)
 }
 

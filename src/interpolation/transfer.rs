@@ -21,10 +21,10 @@ use crate::parallel::pool::Pool;
 /// The M2L operators of cells of one size.
 #[derive(Debug)]
 pub(crate) struct Transfers<S: Scalar> {
-    groups: Vec<Digits<S>>,
+    pub(crate) groups: Vec<Digits<S>>,
     /// Directions are numbered group by group: those of one from its entry up to the next.
     firsts: Vec<usize>,
-    places: OffsetMap<Place>,
+    pub(crate) places: OffsetMap<Place>,
     /// Places of offsets up to [`NEAR`], by [`near_index`].
     near: Vec<Option<Place>>,
     /// Where each group's coordinates stand among those of one cell, in its digits, filled up to whole
@@ -35,7 +35,7 @@ pub(crate) struct Transfers<S: Scalar> {
     /// How many cores the directions before one have.
     core_starts: Vec<usize>,
     /// What cores are in units of, where they are in single precision.
-    unit: S::Real,
+    pub(crate) unit: S::Real,
     sent: Pool<Sent<S>>,
     buffers: Pool<Buffers<S>>,
 }
@@ -70,6 +70,11 @@ impl<S: Scalar> Transfers<S> {
     /// Operators for the given offsets.
     pub(crate) fn new(kernel: &Entries<'_, S>, bases: &Bases<S>, offsets: &[[i32; 3]]) -> Self {
         let (groups, places) = directions(kernel, bases, offsets);
+        Self::of(groups, places, bases.unit())
+    }
+
+    /// Operators that were made already; single precision is in units of `unit`.
+    pub(crate) fn of(groups: Vec<Digits<S>>, places: OffsetMap<Place>, unit: S::Real) -> Self {
         let (mut coordinates, mut starts) = ([0; 2], Vec::new());
         let (mut firsts, mut core_starts) = (vec![0], vec![0]);
         for digits in &groups {
@@ -90,7 +95,7 @@ impl<S: Scalar> Transfers<S> {
                 near.extend(range.clone().map(|z| places.get([x, y, z]).copied()));
             }
         }
-        let (unit, sent, buffers) = (bases.unit(), Pool::default(), Pool::default());
+        let (sent, buffers) = (Pool::default(), Pool::default());
         Self { groups, firsts, places, near, starts, coordinates, core_starts, unit, sent, buffers }
     }
 

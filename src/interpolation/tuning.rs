@@ -28,8 +28,8 @@ pub(crate) const UNEVEN_SHARE: f64 = 0.1;
 /// How often the cut-offs of a level are chosen anew.
 pub(crate) const ATTEMPTS: usize = 3;
 
-/// How many sets of operators are remembered.
-pub(crate) const CAPACITY: usize = 24;
+/// How many bytes of operators the process remembers.
+pub(crate) const STORE_BYTES: usize = 1 << 29;
 
 /// How far away the sources of a homogeneous kernel are sampled along an axis, in half-widths.
 pub(crate) const SAMPLED_REACH: f64 = 256.0;

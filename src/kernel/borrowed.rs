@@ -66,6 +66,10 @@ impl<K: Kernel> Kernel for &K {
         (**self).has_parameters()
     }
 
+    fn identity(&self) -> Option<String> {
+        (**self).identity()
+    }
+
     fn pair_seconds(&self, tolerance: f64) -> f64 {
         (**self).pair_seconds(tolerance)
     }

@@ -58,6 +58,10 @@ impl<F: Formula> Formula for Derivatives<F> {
     type Of = F::Of;
     type Entry<N: Number> = F::Entry<N>;
 
+    fn identity(&self) -> Option<String> {
+        self.0.identity().map(|name| format!("{name}, its derivatives"))
+    }
+
     fn entries<N: Number>(&self, at: <F::Of as Form>::At<N>, g: &mut [F::Entry<N>]) {
         let at = F::Of::with_derivatives(F::Of::with_derivatives(at));
         let len = g.len() / 10;

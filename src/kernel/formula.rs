@@ -59,6 +59,11 @@ pub trait Formula: Send + Sync {
     fn densities(&self) -> usize {
         1
     }
+
+    /// What tells this formula from all others, its parameters included, see [`Kernel::identity`](crate::Kernel::identity).
+    fn identity(&self) -> Option<String> {
+        None
+    }
 }
 
 /// What a [`Formula`] is of: [`Difference`] or [`Positions`].

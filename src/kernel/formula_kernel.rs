@@ -189,6 +189,10 @@ where
         size_of::<F>() > 0
     }
 
+    fn identity(&self) -> Option<String> {
+        self.formula.identity()
+    }
+
     fn pair_seconds(&self, _tolerance: f64) -> f64 {
         pair_seconds::<F, P::Real>(&self.formula, self.columns(), S::GRADIENTS)
     }

@@ -17,7 +17,7 @@ pub struct Batched<S> {
     /// Rows with the zeros that fill them up.
     pub(crate) height: usize,
     /// Column after column.
-    entries: Vec<S>,
+    pub(crate) entries: Vec<S>,
 }
 
 /// Bytes of the widest registers.

@@ -9,6 +9,7 @@ use crate::expansion::geometry::Geometry;
 use crate::expansion::{Expansion, RealOf, SourceOf, TargetOf};
 use crate::interaction::lists::Lists;
 use crate::interpolation::black_box::Interpolation;
+use crate::interpolation::store::OperatorStore;
 use crate::kernel::mask::{Coverage, Mask, Unmasked};
 use crate::kernel::traits::Kernel;
 use crate::numbers::traits::{Located, Point};
@@ -56,6 +57,12 @@ impl<K: Kernel, M> Builder<'_, Interpolation<K>, M> {
     /// A fixed number of Chebyshev nodes per axis, in place of a tolerance.
     pub fn order(mut self, order: usize) -> Self {
         self.expansion = self.expansion.order(order);
+        self
+    }
+
+    /// Where operators are looked for, and kept for later plans; default [`OperatorStore::of_process`].
+    pub fn operator_store(mut self, store: &OperatorStore) -> Self {
+        self.expansion = self.expansion.operator_store(store);
         self
     }
 }

@@ -11,6 +11,7 @@ mod kernels;
 mod lists;
 mod masks;
 mod moments;
+mod operator_store;
 mod radiosity;
 mod sizes;
 mod translation_theorems;

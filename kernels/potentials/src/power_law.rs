@@ -83,6 +83,10 @@ impl<E: Exponent, T: Real, C: Numbers<Real = T>, O: Output<T, C>> Kernel for Pow
     type Value = O::Value;
     type Entry = T;
 
+    fn identity(&self) -> Option<String> {
+        Some(format!("|x - y|^{}", -2.0 * E::LAMBDA))
+    }
+
     fn pair_seconds(&self, tolerance: f64) -> f64 {
         let numbers = C::LEN * if O::GRADIENT { 4 } else { 1 };
         pair_seconds(size_of::<T>(), numbers, tolerance)
