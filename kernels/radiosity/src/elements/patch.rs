@@ -107,6 +107,22 @@ impl Patch {
         a + (b - a).lerp(c - a, v) * along
     }
 
+    /// Where a ray from `origin` along `direction` meets its front.
+    pub(crate) fn met_by(&self, origin: DVec3, direction: DVec3) -> Option<DVec3> {
+        let towards = -self.normal.dot(direction);
+        let height = self.normal.dot(origin - self.corners[0]);
+        if !(towards > 0.0 && height > 0.0) {
+            return None;
+        }
+        let point = origin + direction * (height / towards);
+        let corners = self.corners();
+        let within = |k: usize| {
+            let (a, b) = (corners[k], corners[(k + 1) % self.count]);
+            self.normal.dot((b - a).cross(point - a)) >= 0.0
+        };
+        (0..self.count).all(within).then_some(point)
+    }
+
     /// Its centre of area.
     pub fn centroid(&self) -> DVec3 {
         let [a, b, c, d] = self.corners;
@@ -154,6 +170,21 @@ mod tests {
             let parts = [moment([a, b, c]), moment([a, c, d])];
             let exact = (parts[0].0 + parts[1].0) / (parts[0].1 + parts[1].1);
             assert!((squares / exact - 1.0).abs() < 1e-3, "{squares} {exact}");
+        }
+    }
+
+    #[test]
+    fn rays_meet_the_front_of_a_patch_and_nothing_else() {
+        for corners in [&[DVec3::ZERO, X, X + Y, Y][..], &[DVec3::ZERO, X, Y]] {
+            let patch = Patch::new(corners).unwrap();
+            let (above, inside) = (DVec3::new(0.3, 0.9, 2.0), DVec3::new(0.25, 0.5, 0.0));
+            assert!(patch.met_by(above, inside - above).unwrap().distance(inside) < 1e-15);
+            assert_eq!(patch.met_by(above, above - inside), None, "the other way");
+            assert_eq!(patch.met_by(-above, inside + above), None, "from behind");
+            assert_eq!(patch.met_by(above, X), None, "along it");
+            for outside in [-0.1 * X, -0.1 * Y, X + Y + 0.1 * X] {
+                assert_eq!(patch.met_by(above, outside - above), None, "{outside}");
+            }
         }
     }
 

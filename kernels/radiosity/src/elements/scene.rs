@@ -37,14 +37,17 @@ impl Scene {
     pub fn add_quad(&mut self, corners: [DVec3; 4], nu: usize, nv: usize) -> u32 {
         let face = self.faces;
         self.faces += 1;
-        let surfels = quad_surfels(corners, nu, nv, face);
-        let pieces = quad_pieces(corners, nu, nv).zip(&surfels);
-        self.elements.extend(pieces.map(|(piece, surfel)| match Patch::new(&piece) {
-            Ok(patch) => Element::patch(patch, face),
-            // Twisted pieces are known by their vector area only.
-            Err(_) => Element::disk(*surfel),
-        }));
-        self.surfels.extend(surfels);
+        let pieces = quad_pieces(corners, nu, nv).zip(quad_surfels(corners, nu, nv, face));
+        for (piece, surfel) in pieces {
+            let element = match Patch::new(&piece) {
+                Ok(patch) => Element::patch(patch, face),
+                // Twisted pieces are known by their vector area only.
+                Err(_) => Element::disk(surfel),
+            };
+            // To the bit: masks find elements by their surfels.
+            self.surfels.push(*element.surfel());
+            self.elements.push(element);
+        }
         self.triangles.extend(quad_triangles(corners, face));
         face
     }

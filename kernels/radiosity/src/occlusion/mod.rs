@@ -24,7 +24,7 @@ pub(crate) use position::position;
 pub(crate) use shaft::Shaft;
 pub(crate) use shapes::Shape;
 pub use sights::Segment;
-pub(crate) use sights::Sights;
+pub(crate) use sights::{Sights, about};
 
 #[cfg(test)]
 pub(crate) use occluders::tests::triangles;

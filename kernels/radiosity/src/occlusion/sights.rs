@@ -72,7 +72,8 @@ impl<'a> Sights<'a> {
     }
 
     /// The share of what two elements near each other exchange that is unhidden: by many rays, each counting
-    /// as much as it carries, where a few disagree; of elements that `touch`, a few more.
+    /// as much as it carries, where a few disagree; of elements that `touch`, and of others that give one of
+    /// the two more than a [`STRONG`] share of its light, also where a few agree.
     pub(crate) fn close_share(
         &self,
         numbers: [usize; 2],
@@ -88,35 +89,90 @@ impl<'a> Sights<'a> {
         let few = rays([&shape(0), &shape(1)], false);
         let (all, passed) = (few.len(), few.iter().filter(|&&ends| passes(ends)).count());
         let agree = passed == 0 || passed == all;
-        if self.are_points() || (agree && !touch) {
+        let pair = Projections::new(x, y);
+        let strong = touch || pair.kernel() * pair.area > STRONG;
+        if self.are_points() || (agree && !strong) {
             return f64::from(u8::from(passed > 0));
         }
-        // From the first to the second of the two, whichever way they are given.
-        let [a, b] = if numbers[0] <= numbers[1] { [0, 1] } else { [1, 0] };
+        // From the smaller to the larger of the two, whichever way they are given.
+        let order = |k: usize| (elements[k].surfel().area, numbers[k]);
+        let [a, b] = if order(0) <= order(1) { [0, 1] } else { [1, 0] };
         let turn = mixed((numbers[a] as u64) << 32 | numbers[b] as u64);
-        let (mut carried, mut sum) = (0.0, 0.0);
-        for ray in 0..CLOSE_RAYS {
-            if ray == FEW_RAYS && agree && (carried == sum || carried == 0.0) {
-                break;
+        let mut tally = Tally { agree, ..Tally::default() };
+        if let Some(patch) = elements[b].as_patch().filter(|_| touch) {
+            // What goes from one to the other of two that touch is mostly what is next to where they do. Rays
+            // that leave by the cosine law carry the same each.
+            for ray in 0..COSINE_RAYS {
+                let [u, v, r, angle] = in_cube(ray, turn);
+                let from = elements[a].point_at([u, v]);
+                let direction = about(elements[a].surfel().normal, [r, angle]);
+                if let Some(to) = patch.met_by(from, direction)
+                    && tally.is_settled(1.0, passes([from, to]))
+                {
+                    break;
+                }
             }
+            if let Some(share) = tally.share() {
+                return share;
+            }
+        }
+        for ray in 0..CLOSE_RAYS {
             let [u, v, w, t] = in_cube(ray, turn);
             let ends = [elements[a].point_at([u, v]), elements[b].point_at([w, t])];
             let d = ends[1] - ends[0];
             let cosines = [a, b].map(|k| elements[k].surfel().normal.dot(d));
             let weight = cosines[0].max(0.0) * (-cosines[1]).max(0.0) / d.length_squared().powi(2);
-            if weight > 0.0 {
-                sum += weight;
-                carried += if passes(ends) { weight } else { 0.0 };
+            if weight > 0.0 && tally.is_settled(weight, passes(ends)) {
+                break;
             }
         }
-        if sum > 0.0 { carried / sum } else { 1.0 }
+        tally.share().unwrap_or(1.0)
     }
 }
 
+/// What some rays between two elements have carried.
+#[derive(Default)]
+struct Tally {
+    /// Whether all say the same that were asked before.
+    agree: bool,
+    carried: f64,
+    sum: f64,
+    count: usize,
+}
+
+impl Tally {
+    /// Counts a ray that carries so much if it `passes`; whether there are enough of them.
+    fn is_settled(&mut self, weight: f64, passes: bool) -> bool {
+        self.sum += weight;
+        self.carried += if passes { weight } else { 0.0 };
+        self.count += 1;
+        let same = self.agree && (self.carried == self.sum || self.carried == 0.0);
+        self.count >= if same { FEW_RAYS } else { CLOSE_RAYS }
+    }
+
+    /// The share that has passed, if there was any ray.
+    fn share(&self) -> Option<f64> {
+        (self.sum > 0.0).then(|| self.carried / self.sum)
+    }
+}
+
+/// A direction about a normal by the cosine law, for each point of the unit square.
+pub(crate) fn about(normal: DVec3, [r, angle]: [f64; 2]) -> DVec3 {
+    let (x, y) = normal.any_orthonormal_pair();
+    let (sin, cos) = (std::f64::consts::TAU * angle).sin_cos();
+    (x * cos + y * sin) * r.sqrt() + normal * (1.0 - r).sqrt()
+}
+
 /// Rays between two elements near each other that see part of each other, and rays that tell whether they do
-/// where the elements touch.
+/// where the elements touch or exchange much.
 const CLOSE_RAYS: usize = 64;
 const FEW_RAYS: usize = 16;
+
+/// Rays from an element at most, of which some arrive at one that touches it.
+const COSINE_RAYS: usize = 1024;
+
+/// Elements of which one gives the other a larger share of its light have more than a few rays in any case.
+const STRONG: f64 = 1.0 / 32.0;
 
 /// Whether two surfels exchange so little that one ray is enough.
 pub(crate) fn is_weak<T: Real>(pair: &Projections<T>) -> bool {
@@ -182,6 +238,7 @@ impl std::ops::Deref for Rays {
 mod tests {
     use super::*;
     use crate::elements::{Patch, Scene};
+    use crate::exchange_area;
 
     /// Two unit squares at a distance, and a screen half-way that reaches over part of it.
     fn scene(screen: f64) -> Scene {
@@ -243,6 +300,51 @@ mod tests {
         let share = |piece: &Element| sights.share(floor.surfel(), piece.surfel()).0;
         let mean = ceiling.iter().map(share).sum::<f64>() / ceiling.len() as f64;
         assert!((mean - 0.875).abs() < 0.02, "{mean}");
+    }
+
+    #[test]
+    fn what_elements_that_cross_exchange_next_to_each_other_is_not_lost() {
+        // A floor and a wall through each other, and a screen across the corner between them; with another one
+        // along its bisector nothing is seen but what is within the first.
+        let [x, y, z] = DVec3::AXES;
+        let strip = |along: DVec3, [low, high]: [f64; 2], turn: bool| {
+            let corners = [along * low, along * high, along * high + y, along * low + y];
+            let [a, b, c, d] = corners;
+            Element::patch(Patch::new(&if turn { [d, c, b, a] } else { corners }).unwrap(), 9)
+        };
+        let exchange =
+            |parts: [f64; 2]| exchange_area(&strip(x, parts, false), &strip(z, parts, true));
+        let mut errors = [0.0; 2];
+        for k in 1..=10 {
+            let at = 0.06 * f64::from(k);
+            for (both, error) in errors.iter_mut().enumerate() {
+                let mut scene = Scene::new();
+                scene.add_quad([-0.5 * x, x, x + y, y - 0.5 * x], 1, 1);
+                scene.add_quad([y - 0.5 * z, y + z, z, -0.5 * z], 1, 1);
+                let across = [at * x - y, at * z - y];
+                scene.add_quad(
+                    [across[0], across[1], across[1] + 3.0 * y, across[0] + 3.0 * y],
+                    0,
+                    0,
+                );
+                if both > 0 {
+                    let from = 0.5 * at * (x + z) - y;
+                    let to = 2.0 * (x + z) - y;
+                    scene.add_quad([from, to, to + 3.0 * y, from + 3.0 * y], 0, 0);
+                }
+                let occluders = Occluders::new(&scene.triangles).unwrap();
+                let sights = Sights::of_elements(&occluders, &scene.elements);
+                let [a, b] = [&scene.elements[0], &scene.elements[1]];
+                let found = sights.close_share([0, 1], [a, b], true);
+                assert_eq!(found, sights.close_share([1, 0], [b, a], true));
+                let within = exchange([0.0, at]);
+                let beyond = if both > 0 { 0.0 } else { exchange([at, 1.0]) };
+                let exact = (within + beyond) / exchange([0.0, 1.0]);
+                assert!((found - exact).abs() < 0.15, "{at} {both}: {found} {exact}");
+                *error += 0.1 * (found - exact);
+            }
+        }
+        assert!(errors.iter().all(|error| error.abs() < 0.03), "{errors:?}");
     }
 
     #[test]

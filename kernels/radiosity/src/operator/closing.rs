@@ -122,14 +122,16 @@ impl<const BANDS: usize> RadiosityOperator<'_, BANDS> {
             let received = self.apply(&columns)?;
             let (mut next, mut change) = (d.clone(), 0.0f64);
             for ((d, h), part) in next.iter_mut().zip(&received).zip(parts) {
-                // An open element that nothing sees has nothing to scale.
-                let scaled = h[0] != 0.0 || part.is_some();
-                let wanted = if scaled { (*d / h[0]).sqrt() } else { *d };
+                // An open element that nothing sees has nothing to scale; nor has one whose row errors have
+                // taken below zero.
+                let received = if h[0] < 0.0 { 0.0 } else { h[0] };
+                let scaled = received != 0.0 || part.is_some();
+                let wanted = if scaled { (*d / received).sqrt() } else { *d };
                 let most = if part.is_some() { f64::INFINITY } else { 1.0 };
                 let wanted = if wanted > most { most } else { wanted };
                 let step = (wanted / *d - 1.0).abs();
                 // Unlike f64::max, this doesn't lose a NaN.
-                change = if step <= change { change } else { step };
+                change = if change.is_nan() || step <= change { change } else { step };
                 *d = wanted;
             }
             let enough = if iteration < SCALINGS { CLOSED } else { 0.25 * CLOSED_ENOUGH };
@@ -266,6 +268,22 @@ mod tests {
         let error = operator.close(Enclosure::Closed, 0.5).unwrap_err();
         assert!(matches!(error, Error::NotClosable { change: f64::INFINITY, .. }), "{error}");
         assert_eq!(operator.close(Enclosure::Open, 0.5), Ok(Closure::default()));
+        // Nor can what errors have taken below zero, wherever in the list it is.
+        for index in [0, 1] {
+            let below = move |b: &[[f64; 1]]| {
+                let mut h = vec![[b[1][0]], [b[0][0]]];
+                h[index] = [-0.3];
+                Ok(h)
+            };
+            let none = Corrections::none(&elements);
+            let mut operator = RadiosityOperator::new(&elements, below, none).unwrap();
+            let error = operator.close(Enclosure::Closed, 0.5).unwrap_err();
+            assert!(
+                matches!(error, Error::NotClosable { change: f64::INFINITY, index: i, .. } if i == index),
+                "{error}"
+            );
+            assert_eq!(operator.close(Enclosure::Open, 0.5), Ok(Closure::default()));
+        }
     }
 
     #[test]

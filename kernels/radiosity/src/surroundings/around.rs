@@ -315,6 +315,22 @@ mod tests {
     }
 
     #[test]
+    fn walls_of_two_faces_close_to_each_other_are_no_body() {
+        // Each with a face for either side: what is between them looks like what is within a thin box.
+        let mut scene = furnace(2);
+        for at in [0.5, 0.48] {
+            let corners = quad(DVec3::X * at, DVec3::Y, DVec3::Z * 0.7);
+            let [a, b, c, d] = corners;
+            scene.add_quad(corners, 2, 2);
+            scene.add_quad([b, a, d, c], 2, 2);
+        }
+        around(&scene, |around| {
+            assert!(around.buried().iter().all(|&buried| !buried));
+            assert!(around.closed_parts().iter().all(|&part| part == Some(0)));
+        });
+    }
+
+    #[test]
     fn a_small_gap_is_found_by_many_rays_from_few_elements() {
         // A lid of the room's size less a hundredth, in six elements that have few rays each.
         let mut scene = furnace(1);

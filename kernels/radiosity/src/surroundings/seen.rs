@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use crate::elements::{Element, Surfel};
 use crate::numbers::in_cube;
-use crate::occlusion::{Facet, Occluders};
+use crate::occlusion::{Facet, Occluders, about};
 use crate::surroundings::sides::Sides;
 
 /// The shares of an element's light that go each way; they sum to 1.
@@ -31,8 +31,9 @@ const SHEETS: usize = 2;
 /// How parallel facets are that lie on each other.
 const PARALLEL: f64 = 1e-6;
 
-/// How many rays tell whether an element rests on something.
+/// How many rays tell whether an element rests on something, and how many if none of them is sure.
 const PROBES: usize = 16;
+const MOST_PROBES: usize = 512;
 
 /// Sends `rays` from all over an element, spread by the cosine law, and tells `end` where each ends. Rays of
 /// another `turn` start elsewhere and go elsewhere.
@@ -63,10 +64,7 @@ impl Look<'_> {
     fn ray(&self, ray: usize, turn: usize) -> (DVec3, DVec3) {
         let [u, v, r, angle] = in_cube(ray, turn as u64);
         let normal = self.element.surfel().normal;
-        let (x, y) = normal.any_orthonormal_pair();
-        let (sin, cos) = (std::f64::consts::TAU * angle).sin_cos();
-        let direction = (x * cos + y * sin) * r.sqrt() + normal * (1.0 - r).sqrt();
-        (self.element.point_at([u, v]), direction)
+        (self.element.point_at([u, v]), about(normal, [r, angle]))
     }
 
     /// Where a ray ends. `rests` is whether the element rests on something, once that is known.
@@ -101,8 +99,16 @@ impl Look<'_> {
 
     /// Whether the element rests on a face that looks the other way, rather than with its back against the
     /// back of that: whatever the face looks into there are backs, those of the body that the element bounds.
+    ///
+    /// Where two faces lie on each other, back to back, the ray meets one of either kind: bodies that touch
+    /// look like that from within one of them, and so does a wall of two faces from a room. Rays that meet
+    /// nothing else take many more to find a front that is no back as well.
     fn rests_on(&self, skip: [u32; 2]) -> bool {
-        (0..PROBES).all(|probe| {
+        let mut is_body = false;
+        for probe in 0..MOST_PROBES {
+            if probe == PROBES && is_body {
+                break;
+            }
             let (point, direction) = self.ray(probe, 0);
             let behind = -direction;
             let Some((distance, facet)) =
@@ -111,11 +117,14 @@ impl Look<'_> {
                 return false;
             };
             let is_back = |facet: &Facet| self.sides.seen(facet, behind).is_none();
-            is_back(&facet)
-                || self
-                    .beside(point, behind, distance, facet.face)
-                    .is_some_and(|other| is_back(&other))
-        })
+            let beside = self.beside(point, behind, distance, facet.face);
+            let backs = [is_back(&facet), beside.as_ref().map_or(is_back(&facet), is_back)];
+            if backs == [false; 2] {
+                return false;
+            }
+            is_body |= backs == [true; 2];
+        }
+        true
     }
 
     /// What else a ray meets where it has met a face.

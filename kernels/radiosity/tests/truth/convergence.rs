@@ -9,15 +9,20 @@ use glam::DVec3;
 
 /// A form factor that is known exactly, and the scene that has it, by the number of pieces along an edge.
 ///
-/// Round bodies in flat pieces are off by the square of their size. What else there is comes from near pairs, of
-/// which corrections leave a thousandth, and from the rays of partly hidden ones, which err at random.
+/// Round bodies in flat pieces are off by the square of their size, and so is the edge of a shadow within elements.
+/// What else there is comes from near pairs, of which corrections leave about their tolerance however small
+/// elements are, and from the rays of partly hidden ones, which err at random. Orders are seen above that alone.
 struct Case {
     name: &'static str,
     exact: f64,
     scene: fn(usize) -> Parts,
     sizes: [usize; 3],
+    /// What corrections may leave.
+    tolerance: f64,
     /// The largest relative errors.
     bounds: [f64; 3],
+    /// The least order, if errors are above what corrections leave.
+    order: Option<f64>,
 }
 
 /// A scene, the elements of it that send, and those that receive.
@@ -32,43 +37,55 @@ const CASES: [Case; 6] = [
         name: "squares, a corner of the view blocked",
         exact: 0.149_868_671_8,
         scene: corner_blocker,
-        sizes: [5, 9, 17],
-        bounds: [3e-3, 3e-3, 1.5e-3],
+        sizes: [5, 9, 13],
+        tolerance: 1e-4,
+        bounds: [3e-3, 8e-4, 3e-4],
+        order: Some(1.5),
     },
     Case {
         name: "box of 10 x 10 x 0.1, floor to ceiling",
         exact: 0.980_416_6,
         scene: thin_box,
         sizes: [8, 16, 32],
+        tolerance: 1e-3,
         bounds: [5e-5, 5e-5, 5e-5],
+        order: None,
     },
     Case {
         name: "concentric spheres, inner to outer",
         exact: 1.0,
         scene: spheres,
         sizes: [4, 8, 16],
+        tolerance: 1e-3,
         bounds: [1e-4, 1e-4, 2e-4],
+        order: None,
     },
     Case {
         name: "coaxial cylinders, 1/8 and 1/4",
         exact: 0.910_868,
         scene: |n| cylinders(n, 0.125, 0.25),
         sizes: [8, 16, 32],
+        tolerance: 1e-3,
         bounds: [4e-3, 1.2e-3, 3e-4],
+        order: Some(1.8),
     },
     Case {
         name: "coaxial cylinders, 1/4 and 1/2",
         exact: 0.825_256,
         scene: |n| cylinders(n, 0.25, 0.5),
         sizes: [8, 16, 32],
+        tolerance: 1e-3,
         bounds: [8e-3, 2.5e-3, 5e-4],
+        order: Some(1.8),
     },
     Case {
         name: "bowl five times as wide as deep, to itself",
         exact: 4.0 / 29.0,
         scene: bowl,
         sizes: [3, 5, 8],
-        bounds: [3e-3, 2e-3, 1.5e-3],
+        tolerance: 1e-4,
+        bounds: [3e-3, 1.5e-3, 6e-4],
+        order: Some(1.8),
     },
 ];
 
@@ -76,12 +93,12 @@ const CASES: [Case; 6] = [
 fn raw_form_factors_are_those_known_exactly() {
     println!("| form factor | elements | relative error | order |");
     let mut missed = Vec::new();
-    for Case { name, exact, scene, sizes, bounds } in CASES {
+    for Case { name, exact, scene, sizes, tolerance, bounds, order } in CASES {
         // Rays err at random: the root mean square of three meshes of about the same size.
         let found = sizes.map(|n| {
             let errors = [n, n + 2, n + 4].map(|n| {
                 let parts = scene(n);
-                (parts.scene.elements.len(), factor(&parts) / exact - 1.0)
+                (parts.scene.elements.len(), factor(&parts, tolerance) / exact - 1.0)
             });
             let squares = errors.iter().map(|(_, error)| error * error).sum::<f64>();
             (errors[1].0, (squares / 3.0).sqrt())
@@ -92,6 +109,9 @@ fn raw_form_factors_are_those_known_exactly() {
         let elements = found.map(|(count, _)| count.to_string()).join(", ");
         let errors = found.map(|(_, error)| format!("{error:.1e}")).join(", ");
         println!("| {name} | {elements} | {errors} | {slope:.1} |");
+        if order.is_some_and(|order| slope < order) {
+            missed.push(format!("{name}: order {slope}"));
+        }
         if !found.iter().zip(bounds).all(|((_, error), bound)| *error < bound) {
             missed.push(format!("{name}: {errors}, {slope}"));
         }
@@ -100,10 +120,10 @@ fn raw_form_factors_are_those_known_exactly() {
 }
 
 /// The mean form factor from some elements to others, pair by pair.
-fn factor(Parts { scene, from, to }: &Parts) -> f64 {
+fn factor(Parts { scene, from, to }: &Parts, tolerance: f64) -> f64 {
     let occluders = Occluders::new(&scene.triangles).expect("finite");
     let mask = Visibility::of_elements(&occluders, &scene.elements);
-    let corrections = mask.corrections(&scene.elements, 1e-3).expect("valid");
+    let corrections = mask.corrections(&scene.elements, tolerance).expect("valid");
     let (mut sum, mut area) = (0.0, 0.0);
     for i in from.clone() {
         let x: &Surfel = scene.elements[i].surfel();

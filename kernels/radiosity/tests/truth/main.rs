@@ -3,5 +3,7 @@
 mod bodies;
 mod convergence;
 mod factors;
+mod generated;
 mod operators;
+mod properties;
 mod solutions;
