@@ -8,7 +8,7 @@
 //! | `scene` | surfaces, oriented points, materials and camera, with the checks they must pass |
 //! | `repair` | mends what files hold: welding, triangulation, orientation, panels that look out of closed rooms |
 //! | `generators` | scenes by name, such as the Cornell box |
-//! | `formats` | reads OBJ, STL, PLY, OFF, VS3, and descriptions in TOML |
+//! | `formats` | reads OBJ, STL, PLY, OFF, VS3, glTF, and descriptions in TOML |
 //! | `cutting` | cuts surfaces into elements, as small as a tolerance asks for |
 //! | `pictures` | casts rays, smooths fields, maps values to colours |
 //! | `output` | writes PNG, PLY, VTU and CSV files, all of them or none |

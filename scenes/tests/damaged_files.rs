@@ -3,6 +3,8 @@
 use std::fs;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
 use farfield_scenes::load;
 use farfield_testing::damage::{damaged, for_each_damaged};
 
@@ -26,6 +28,47 @@ const VS3: &str = "T pair\nC encl=0 out=1\nF 3\nV 1 0 0 0\nV 2 1 0 0\nV 3 1 1 0\
 const TOML: &str = "[[quad]]\ncorners = [[0, 0, 0], [0, 0, 2], [2, 0, 2], [2, 0, 0]]\n\
                     material = \"white\"\n[materials.white]\nreflectance = [0.7, 0.7, 0.7]\n\
                     emission = [1, 1, 1]\n";
+
+const GLTF: &str = r#"{"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}],
+    "nodes": [{"mesh": 0, "children": [1], "scale": [2, 2, 2]}, {"camera": 0, "translation": [0, 0, 9]}],
+    "cameras": [{"perspective": {"yfov": 1, "aspectRatio": 1.5}}],
+    "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1, "material": 0, "mode": 5}]}],
+    "materials": [{"pbrMetallicRoughness": {"baseColorFactor": [0.5, 0.5, 0.5, 1]}, "emissiveFactor": [1, 1, 1],
+    "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 2}}}],
+    "accessors": [{"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3"},
+    {"bufferView": 1, "byteOffset": 0, "componentType": 5121, "count": 4, "type": "SCALAR"}],
+    "bufferViews": [{"buffer": 0, "byteLength": 48}, {"buffer": 0, "byteOffset": 48, "byteLength": 4}],
+    "buffers": [{"byteLength": 52}]}"#;
+
+/// The bytes of that document: the corners of a unit square, and their numbers.
+fn gltf_bytes() -> Vec<u8> {
+    let corners = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0];
+    let mut bytes: Vec<u8> = corners.iter().flat_map(|x: &f32| x.to_le_bytes()).collect();
+    bytes.extend([0, 1, 2, 3]);
+    bytes
+}
+
+/// The document with its bytes in a data URI.
+fn gltf() -> String {
+    let uri = format!("\"data:application/gltf-buffer;base64,{}\"", STANDARD.encode(gltf_bytes()));
+    GLTF.replacen("\"byteLength\": 52", &format!("\"uri\": {uri}, \"byteLength\": 52"), 1)
+}
+
+/// The document and its bytes in one file.
+fn glb() -> Vec<u8> {
+    let mut json = GLTF.as_bytes().to_vec();
+    json.resize(json.len().next_multiple_of(4), b' ');
+    let binary = gltf_bytes();
+    let length = 12 + 8 + json.len() + 8 + binary.len();
+    let mut bytes = b"glTF".to_vec();
+    bytes.extend([2, length as u32, json.len() as u32].map(u32::to_le_bytes).concat());
+    bytes.extend(b"JSON");
+    bytes.extend(json);
+    bytes.extend((binary.len() as u32).to_le_bytes());
+    bytes.extend(b"BIN\0");
+    bytes.extend(binary);
+    bytes
+}
 
 /// A triangle in the binary form of STL.
 fn binary_stl() -> Vec<u8> {
@@ -63,12 +106,13 @@ fn damaged_scenes_are_read_or_refused() {
         ("ply", PLY.replacen("\n1 0 0", "\nnan 0 0", 1)),
         ("vs3", VS3.replacen("V 2 1 0 0", "V 2 nan 0 0", 1)),
         ("toml", TOML.replacen("2, 0, 0", "2, nan, 0", 1)),
+        ("gltf", gltf().replacen("[2, 2, 2]", "[2, 1e999, 2]", 1)),
     ] {
         let path = folder.path().join(format!("damaged.{ending}"));
         fs::write(&path, text).expect("written");
         assert!(load(&path.to_string_lossy()).is_err(), "{ending}");
     }
-    let (stl, ply) = (binary_stl(), binary_ply());
+    let (stl, ply, gltf, glb) = (binary_stl(), binary_ply(), gltf(), glb());
     for (ending, samples) in [
         ("obj", vec![OBJ.as_bytes()]),
         ("off", vec![OFF.as_bytes()]),
@@ -76,6 +120,8 @@ fn damaged_scenes_are_read_or_refused() {
         ("ply", vec![PLY.as_bytes(), CLOUD.as_bytes(), &ply]),
         ("vs3", vec![VS3.as_bytes()]),
         ("toml", vec![TOML.as_bytes()]),
+        ("gltf", vec![gltf.as_bytes()]),
+        ("glb", vec![&glb[..]]),
     ] {
         let path = folder.path().join(format!("damaged.{ending}"));
         let name = path.to_string_lossy();

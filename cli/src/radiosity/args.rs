@@ -17,8 +17,8 @@ use serde::Serialize;
 #[derive(Clone, Debug, Parser)]
 #[command(name = "radiosity")]
 pub(crate) struct Args {
-    /// cornell, furnace, sphere, bowl, two-rooms, canyon, columns, or a file: .obj, .stl, .ply, .off, .vs3, or
-    /// a scene description in .toml
+    /// cornell, furnace, sphere, bowl, two-rooms, canyon, columns, or a file: .obj, .stl, .ply, .off, .vs3, .gltf,
+    /// .glb, or a scene description in .toml
     #[arg(long, value_name = "NAME|FILE", default_value = "cornell")]
     pub(crate) scene: String,
 

@@ -63,7 +63,8 @@ impl Warning {
         let message = match quantity {
             Quantity::Light => {
                 "nothing in the scene emits light: expected a material with an emission, by `Ke` in a \
-                 material file or by `emission` in a description (.toml), which may hold a mesh file"
+                 material file, by `emissiveFactor` in glTF, or by `emission` in a description (.toml), \
+                 which may hold a mesh file"
             }
             Quantity::Heat => {
                 "nothing in the scene has a temperature: expected `temperature` of a material in a \

@@ -45,15 +45,18 @@ mod tests {
 
     #[test]
     fn names_of_nothing_are_refused() {
-        for name in ["corneli", "mesh.gltf", "", "obj"] {
+        for name in ["corneli", "mesh.fbx", "", "obj"] {
             let message = load(name).expect_err(name).to_string();
             let expected = format!(
                 "`{name}`: expected one of cornell, furnace, sphere, bowl, two-rooms, canyon, \
-                 columns, or a file that ends in .obj, .stl, .ply, .off, .vs3, .toml"
+                 columns, or a file that ends in .obj, .stl, .ply, .off, .vs3, \
+                 .gltf, .glb, .toml"
             );
             assert_eq!(message, expected);
         }
-        for name in ["no.obj", "no.stl", "no.ply", "no.off", "no.vs3", "no.toml"] {
+        for name in
+            ["no.obj", "no.stl", "no.ply", "no.off", "no.vs3", "no.gltf", "no.glb", "no.toml"]
+        {
             let message = load(name).expect_err(name).to_string();
             assert!(message.starts_with(&format!("cannot read {name}: ")), "{message}");
         }

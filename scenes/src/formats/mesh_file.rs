@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::formats::view3d::View3d;
-use crate::formats::{obj, off, ply, stl};
+use crate::formats::{gltf, obj, off, ply, stl};
 use crate::generators::GENERATORS;
 use crate::scene::Scene;
 use crate::scene::error::SceneError;
@@ -19,6 +19,7 @@ pub(crate) fn read_mesh(path: &Path) -> Result<Scene, SceneError> {
         "stl" => stl::read(path),
         "ply" => ply::read(path),
         "off" => off::read(path),
+        "gltf" | "glb" => gltf::read(path),
         "vs3" => View3d::read(path)?.into_scene(path),
         _ => Err(SceneError::Unknown {
             name: path.display().to_string(),
@@ -26,7 +27,11 @@ pub(crate) fn read_mesh(path: &Path) -> Result<Scene, SceneError> {
             endings: format!(".{}, .{DESCRIPTION}", MESHES.join(", .")),
         }),
     }?;
-    scene.parts.iter_mut().for_each(|part| part.file = file_name(path));
+    let file = file_name(path);
+    for part in &mut scene.parts {
+        let within = std::mem::take(&mut part.file);
+        part.file = if within.is_empty() { file.clone() } else { format!("{within} of {file}") };
+    }
     Ok(scene)
 }
 
@@ -36,7 +41,7 @@ pub(crate) fn file_name(path: &Path) -> String {
 }
 
 /// How the names of mesh files end.
-const MESHES: [&str; 5] = ["obj", "stl", "ply", "off", "vs3"];
+const MESHES: [&str; 7] = ["obj", "stl", "ply", "off", "vs3", "gltf", "glb"];
 /// How the names of scene descriptions end.
 pub(crate) const DESCRIPTION: &str = "toml";
 

@@ -2,6 +2,7 @@
 
 pub(crate) mod assembly;
 pub(crate) mod description;
+pub(crate) mod gltf;
 pub(crate) mod load;
 pub(crate) mod mesh_file;
 pub(crate) mod mtl;

@@ -73,6 +73,24 @@ pub enum SceneError {
         /// What is wrong, and where.
         problem: String,
     },
+    /// A glTF file whose document isn't valid JSON, or not that of an asset.
+    #[error("{path}: expected a document of glTF 2.0: {source}")]
+    Json {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong, and where.
+        source: serde_json::Error,
+    },
+    /// A part of a glTF asset that can't be used.
+    #[error("{path}, {place}: expected {expected}")]
+    Gltf {
+        /// The file.
+        path: PathBuf,
+        /// Which node, mesh and primitive, or which other part.
+        place: String,
+        /// What it should be or have.
+        expected: String,
+    },
     /// A scene without anything in it.
     #[error("the scene has neither surfaces nor points: expected at least one of them")]
     Empty,
