@@ -31,17 +31,20 @@ impl Law {
         }
     }
 
-    /// K = r^(−2λ) and r⁻², both 0 at coincident points. For r², whose gradient is 2d, the latter is
-    /// of no use and left out.
+    /// K = r^(−2λ) and r⁻² in [units](Self::units), both 0 where r² < `least`, if there is such a bound. For r²,
+    /// whose gradient is 2d, the latter is of no use and left out, as is the bound.
     #[inline(always)]
     pub(crate) fn at<F: Reciprocal, S: Simd>(
         self,
         simd: S,
         digits: Digits,
+        least: Option<F::Register<S>>,
         r2: F::Register<S>,
     ) -> (F::Register<S>, Option<F::Register<S>>) {
-        let least = F::splat(simd, F::LEAST);
-        let apart = |a| F::where_at_least(simd, r2, least, a);
+        let apart = |a| match least {
+            Some(least) => F::where_at_least(simd, r2, least, a),
+            None => a,
+        };
         match self {
             Self::MinusOne => {
                 let k = apart(F::inverse_sqrt(simd, digits, r2));
@@ -56,6 +59,18 @@ impl Law {
                 (F::times(simd, inverse, inverse), Some(inverse))
             }
             Self::PlusTwo => (r2, None),
+        }
+    }
+
+    /// What K and K r⁻² from [`at`](Self::at) have to be multiplied by: powers of two.
+    #[inline(always)]
+    pub(crate) fn units<F: Reciprocal, S: Simd>(self, simd: S, digits: Digits) -> [f64; 2] {
+        match self {
+            Self::MinusOne => {
+                let unit = F::inverse_sqrt_unit(simd, digits);
+                [unit, unit * unit * unit]
+            }
+            Self::MinusTwo | Self::MinusFour | Self::PlusTwo => [1.0; 2],
         }
     }
 

@@ -11,15 +11,18 @@
 mod columns;
 mod expansion;
 mod exponent;
+mod group;
 pub mod harmonic;
 mod law;
 mod near_field;
 mod ordinary;
 mod output;
+mod pair;
 mod power_law;
 mod reciprocal;
 pub mod registers;
 mod separable;
+mod single;
 
 pub use expansion::HarmonicExpansion;
 pub use exponent::{Exponent, MinusFour, MinusOne, MinusTwo, PlusTwo};

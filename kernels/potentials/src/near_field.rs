@@ -9,21 +9,24 @@
 //! Code with wide registers must be inlined into the function that `pulp` compiles for the machine.
 //! Hence `#[inline(always)]` throughout, and loops where closures on arrays would be shorter.
 //!
+//! Where a tolerance is loose enough, blocks of double precision are summed in single precision, see
+//! [`single`](crate::single).
+//!
 //! The loop is for blocks of ordinary coordinates and of charges of up to four numbers. It declines
 //! any other, which [`PowerLaw`](crate::PowerLaw) sums pair by pair.
 
 use std::marker::PhantomData;
 
-use farfield::{Numbers, Outcome, Point, Real, Vector, dispatch};
+use farfield::{Numbers, Outcome, Point, Real, dispatch};
 use pulp::{Simd, WithSimd};
 
-use crate::columns::{from_columns, same, to_columns};
 use crate::exponent::Exponent;
-use crate::law::{Law, slope};
+use crate::group::{group, group_size, lanes};
+use crate::law::Law;
 use crate::ordinary::is_ordinary;
 use crate::output::Output;
 use crate::reciprocal::{Digits, Reciprocal};
-use crate::registers::Registers;
+use crate::single::Single;
 
 /// The block Σ_j K(x_i, y_j) q_j, to be added to `us[i]`, each pair to a relative error `tolerance`.
 /// `F` is the same precision as `T`, but known by name.
@@ -51,18 +54,14 @@ where
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> Outcome {
-        if !is_ordinary::<F, T>(self.xs, self.ys) {
-            return Outcome::Declined;
-        }
         let Some(law) = Law::of::<E>() else { return Outcome::Declined };
         match C::LEN {
             1 => self.sum::<S, 1>(simd, law),
             2 => self.sum::<S, 2>(simd, law),
             3 => self.sum::<S, 3>(simd, law),
             4 => self.sum::<S, 4>(simd, law),
-            _ => return Outcome::Declined,
+            _ => Outcome::Declined,
         }
-        Outcome::Done
     }
 }
 
@@ -81,43 +80,55 @@ where
 
     /// The block for charges of `N` columns.
     #[inline(always)]
-    fn sum<S: Simd, const N: usize>(self, simd: S, law: Law) {
+    fn sum<S: Simd, const N: usize>(self, simd: S, law: Law) -> Outcome {
         // Decided per type, so that only the one loop that fits a charge is compiled.
-        if const { C::LEN == N } {
-            // What rounding hides is always enough: then the loops for more digits aren't compiled.
-            let hidden = F::epsilon().as_f64() / 8.0;
-            let enough = |digits| {
-                let error = law.error::<F, S>(simd, digits, O::GRADIENT);
-                error <= hidden || error <= self.tolerance
-            };
-            if enough(Digits::Few) {
-                self.groups::<S, N>(simd, law, Digits::Few);
-            } else if enough(Digits::Half) {
-                self.groups::<S, N>(simd, law, Digits::Half);
-            } else {
-                self.groups::<S, N>(simd, law, Digits::All);
+        if const { C::LEN != N } {
+            return Outcome::Declined;
+        }
+        let double = const { size_of::<F>() == size_of::<f64>() && E::LAMBDA > 0.0 };
+        if double {
+            let Self { xs, ys, qs, tolerance, .. } = self;
+            let single = Single::of::<S, E, T>(simd, law, O::GRADIENT, tolerance, (xs, ys));
+            if let Some(single) = single {
+                single.sum::<S, E, T, C, O, N>(simd, xs, ys, qs, self.us);
+                return Outcome::Done;
             }
         }
+        if !is_ordinary::<F, T>(self.xs, self.ys) {
+            return Outcome::Declined;
+        }
+        // What rounding hides is always enough: then the loops for more digits aren't compiled.
+        let hidden = F::epsilon().as_f64() / 8.0;
+        let enough = |digits| {
+            let error = law.error::<F, S>(simd, digits, O::GRADIENT);
+            error <= hidden || error <= self.tolerance
+        };
+        // Fewer digits of double precision are for blocks too small for single precision: no large groups.
+        let rounded = law.error::<F, S>(simd, Digits::Few, O::GRADIENT) > hidden;
+        let few = if double && rounded { 1 } else { 3 };
+        if enough(Digits::Few) {
+            self.groups::<S, N>(simd, law, Digits::Few, few);
+        } else if enough(Digits::Half) {
+            self.groups::<S, N>(simd, law, Digits::Half, 3);
+        } else {
+            self.groups::<S, N>(simd, law, Digits::All, 3);
+        }
+        Outcome::Done
     }
 
-    /// The targets in groups of up to three registers, fewer where the sums would not fit.
+    /// The targets in groups of up to `most` registers, fewer where the sums would not fit.
     #[inline(always)]
-    fn groups<S: Simd, const N: usize>(self, simd: S, law: Law, digits: Digits) {
+    fn groups<S: Simd, const N: usize>(self, simd: S, law: Law, digits: Digits, most: usize) {
         let lanes = lanes::<F, S>();
-        // Three of eight registers for sums leave enough for coordinates and intermediate results.
-        let sums = if O::GRADIENT { 4 * N } else { N };
-        let most = (S::REGISTER_COUNT * 3 / 8 / sums).clamp(1, 3);
         let Self { mut xs, ys, qs, mut us, .. } = self;
         while !xs.is_empty() {
-            let registers = xs.len().div_ceil(lanes);
-            // Four are two and two: a lone register would wait for its own results.
-            let size = if registers == 4 { 2.min(most) } else { registers.min(most) };
+            let size = group_size::<S>(xs.len().div_ceil(lanes), N, O::GRADIENT).min(most);
             let count = (size * lanes).min(xs.len());
             let (x, rest_x) = xs.split_at(count);
             let (u, rest_u) = us.split_at_mut(count);
             if size == 1 || most == 1 {
                 group::<S, E, F, T, C, O, 1, N>(simd, law, digits, x, ys, qs, u);
-            } else if size == 2 || most == 2 {
+            } else if size == 2 {
                 group::<S, E, F, T, C, O, 2, N>(simd, law, digits, x, ys, qs, u);
             } else {
                 group::<S, E, F, T, C, O, 3, N>(simd, law, digits, x, ys, qs, u);
@@ -127,115 +138,12 @@ where
     }
 }
 
-/// The most numbers that a register can have: 512 bits of `f32`.
-const LANES: usize = 16;
-
-/// `G` registers of targets and all sources.
-#[inline(always)]
-fn group<S, E, F, T, C, O, const G: usize, const N: usize>(
-    simd: S,
-    law: Law,
-    digits: Digits,
-    xs: &[Point<T>],
-    ys: &[Point<T>],
-    qs: &[C],
-    us: &mut [O::Value],
-) where
-    S: Simd,
-    E: Exponent,
-    F: Reciprocal,
-    T: Real,
-    C: Numbers<Real = T>,
-    O: Output<T, C>,
-{
-    let zero = F::splat(simd, F::from_f64(0.0));
-    let mut x = [[zero; G]; 3];
-    for (g, xs) in xs.chunks(lanes::<F, S>()).enumerate() {
-        // The places beyond the last target hold the origin; what they sum up to is dropped.
-        let mut coordinates = [[F::from_f64(0.0); LANES]; 3];
-        for (i, x) in xs.iter().enumerate() {
-            let [x0, x1, x2] = x.to_array();
-            coordinates[0][i] = same(x0);
-            coordinates[1][i] = same(x1);
-            coordinates[2][i] = same(x2);
-        }
-        for (x, row) in x.iter_mut().zip(&coordinates) {
-            x[g] = F::registers::<S>(row)[0];
-        }
-    }
-    let mut potential = [[zero; G]; N];
-    let mut gradient = [[[zero; G]; N]; 3];
-
-    for (y, q) in ys.iter().zip(qs) {
-        let [y0, y1, y2] = y.to_array();
-        let y = [F::splat(simd, same(y0)), F::splat(simd, same(y1)), F::splat(simd, same(y2))];
-        let columns = to_columns::<C, F, N>(q);
-        let mut q = [zero; N];
-        for n in 0..N {
-            q[n] = F::splat(simd, columns[n]);
-        }
-        for g in 0..G {
-            let d = [
-                F::minus(simd, x[0][g], y[0]),
-                F::minus(simd, x[1][g], y[1]),
-                F::minus(simd, x[2][g], y[2]),
-            ];
-            let r2 = F::times(simd, d[0], d[0]);
-            let r2 = F::plus_product(simd, d[1], d[1], r2);
-            let r2 = F::plus_product(simd, d[2], d[2], r2);
-            let (k, inverse) = law.at::<F, S>(simd, digits, r2);
-            for n in 0..N {
-                potential[n][g] = F::plus_product(simd, k, q[n], potential[n][g]);
-            }
-            if O::GRADIENT {
-                let (d, slope) = slope::<F, S>(simd, d, k, inverse);
-                for (n, &q) in q.iter().enumerate() {
-                    let slope = F::times(simd, slope, q);
-                    for c in 0..3 {
-                        gradient[c][n][g] = F::plus_product(simd, d[c], slope, gradient[c][n][g]);
-                    }
-                }
-            }
-        }
-    }
-
-    let factor = F::splat(simd, F::from_f64(-2.0 * E::LAMBDA));
-    for (g, us) in us.chunks_mut(lanes::<F, S>()).enumerate() {
-        let mut sums = [[F::from_f64(0.0); LANES]; N];
-        let mut slopes = [[[F::from_f64(0.0); LANES]; N]; 3];
-        for n in 0..N {
-            F::registers_mut::<S>(&mut sums[n])[0] = potential[n][g];
-            if O::GRADIENT {
-                for c in 0..3 {
-                    let slope = F::times(simd, factor, gradient[c][n][g]);
-                    F::registers_mut::<S>(&mut slopes[c][n])[0] = slope;
-                }
-            }
-        }
-        for (i, u) in us.iter_mut().enumerate() {
-            let mut gradient: [C; 3] = Numbers::zero();
-            if O::GRADIENT {
-                for c in 0..3 {
-                    gradient[c] = from_columns::<C, F, N, LANES>(&slopes[c], i);
-                }
-            }
-            O::add(u, &from_columns::<C, F, N, LANES>(&sums, i), &gradient);
-        }
-    }
-}
-
-/// Numbers in a register.
-#[inline(always)]
-const fn lanes<F: Registers, S: Simd>() -> usize {
-    size_of::<F::Register<S>>() / size_of::<F>()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::exponent::{MinusFour, MinusOne, MinusTwo, PlusTwo};
     use crate::output::{PotentialGradient, WithGradient};
-    use farfield::{DispatchLevel, Numbers};
+    use farfield::{DispatchLevel, Numbers, Vector};
 
     fn points<T: Real>(n: usize, shift: f64) -> Vec<Point<T>> {
         let fraction = |i: usize, step: f64| T::from_f64((i as f64 * step + shift).fract() - 0.5);

@@ -3,11 +3,12 @@
 use std::fmt;
 use std::marker::PhantomData;
 
-use farfield::{DispatchLevel, Kernel, Numbers, Outcome, Point, Real, Vector};
+use farfield::{DispatchLevel, Kernel, Numbers, Outcome, Point, Real};
 
 use crate::exponent::{Exponent, MinusFour, MinusOne, MinusTwo, PlusTwo};
 use crate::near_field::Block;
 use crate::output::{Output, Potential, WithGradient};
+use crate::pair::{add_pair, evaluate};
 
 /// The potential 1/r of charges and masses, 0 at r = 0.
 pub type InverseDistance<T, C = T, O = Potential> = PowerLaw<MinusOne, T, C, O>;
@@ -111,8 +112,7 @@ impl<E: Exponent, T: Real, C: Numbers<Real = T>, O: Output<T, C>> Kernel for Pow
         if outcome == Outcome::Declined {
             for (x, u) in xs.iter().zip(us) {
                 for (y, q) in ys.iter().zip(qs) {
-                    let (k, gradient) = evaluate::<E, T>(*x, *y);
-                    O::add(u, &scaled(k, q), &gradient.map(|component| scaled(component, q)));
+                    add_pair::<E, T, C, O>(*x, *y, q, u);
                 }
             }
         }
@@ -146,70 +146,28 @@ impl<E: Exponent, T: Real, C: Numbers<Real = T>, O: Output<T, C>> Kernel for Pow
     }
 }
 
-/// K(x, y) and ∂K/∂x = −2λ K d/r², d = x − y; both 0 at r = 0.
-#[inline]
-fn evaluate<E: Exponent, T: Real>(x: Point<T>, y: Point<T>) -> (T, [T; 3]) {
-    let d = (x - y).to_array();
-    let r2 = squared(d);
-    if is_ordinary(r2) { from_squared::<E, T>(d, r2) } else { evaluate_extreme::<E, T>(d) }
-}
-
-/// [`evaluate`] where r² over- or underflows: with d in units of its largest component s.
-#[cold]
-fn evaluate_extreme<E: Exponent, T: Real>(d: [T; 3]) -> (T, [T; 3]) {
-    let zero = T::from_f64(0.0);
-    if d == [zero; 3] {
-        return (zero, d);
-    }
-    let s = d.iter().fold(zero, |s, component| s.max(component.abs()));
-    let unit = d.map(|component| component / s);
-    let (k, gradient) = from_squared::<E, T>(unit, squared(unit));
-    let scale = s.powf(T::from_f64(-2.0 * E::LAMBDA));
-    (k * scale, gradient.map(|component| component * scale / s))
-}
-
-#[inline(always)]
-fn from_squared<E: Exponent, T: Real>(d: [T; 3], r2: T) -> (T, [T; 3]) {
-    let k = E::power(r2);
-    let (slope, inverse) = (T::from_f64(-2.0 * E::LAMBDA) * k, r2.recip());
-    (k, d.map(|component| slope * (component * inverse)))
-}
-
-#[inline(always)]
-fn squared<T: Real>([x, y, z]: [T; 3]) -> T {
-    x * x + y * y + z * z
-}
-
-/// Whether r² is accurate: finite, and so large that no square that matters in it was subnormal.
-#[inline(always)]
-fn is_ordinary<T: Real>(r2: T) -> bool {
-    r2 >= T::min_positive_value() / T::epsilon() && r2 < T::infinity()
-}
-
-#[inline(always)]
-fn scaled<T: Real, C: Numbers<Real = T>>(scale: T, q: &C) -> C {
-    let mut product = C::zero();
-    product.add_scaled(scale, q);
-    product
-}
-
 /// Seconds of one core for a pair in precisions of so many bytes that contributes so many numbers: measured for 1/r
-/// on one AVX-512 machine at every level.
+/// on one AVX-512 machine at every level. Few digits are those that blocks of double precision are summed in single
+/// precision for, or that estimates of reciprocals have without a term of their series.
 fn pair_seconds(bytes: usize, numbers: usize, tolerance: f64) -> f64 {
-    let [few_digits, all] = match DispatchLevel::in_force() {
-        Ok(DispatchLevel::Avx512) => [2e-10, 3e-10],
-        Ok(DispatchLevel::Avx2) => [5e-10, 7e-10],
-        _ => [1.7e-9; 2],
+    let single = bytes == size_of::<f32>();
+    let [few_digits, all] = match (DispatchLevel::in_force(), single) {
+        (Ok(DispatchLevel::Avx512), false) => [1.5e-10, 3e-10],
+        (Ok(DispatchLevel::Avx512), true) => [1e-10, 1.5e-10],
+        (Ok(DispatchLevel::Avx2), false) => [1.8e-10, 7e-10],
+        (Ok(DispatchLevel::Avx2), true) => [2.5e-10, 3.5e-10],
+        (_, false) => [1.7e-9; 2],
+        (_, true) => [8.5e-10; 2],
     };
-    let first = if tolerance >= 1e-4 { few_digits } else { all };
-    let single = if bytes == size_of::<f32>() { 0.5 } else { 1.0 };
-    single * first * (1.0 + 0.15 * numbers.saturating_sub(1) as f64)
+    let few = tolerance >= if single { 1e-4 } else { 1e-5 };
+    (if few { few_digits } else { all }) * (1.0 + 0.15 * numbers.saturating_sub(1) as f64)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::output::PotentialGradient;
+    use crate::pair::scaled;
     use approx::assert_relative_eq;
     use farfield::{Numbers, direct, relative_l2_error};
     use glam::{DVec3, Vec3};

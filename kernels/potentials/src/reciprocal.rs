@@ -34,10 +34,12 @@ pub(crate) trait Reciprocal: Registers {
     /// Whether the cubes of these numbers are in range too.
     const CUBES: bool;
 
-    /// 1/√x
+    /// 1/√x in units of [`inverse_sqrt_unit`](Self::inverse_sqrt_unit).
     fn inverse_sqrt<S: Simd>(simd: S, digits: Digits, x: Self::Register<S>) -> Self::Register<S>;
     /// 1/x
     fn inverse<S: Simd>(simd: S, digits: Digits, x: Self::Register<S>) -> Self::Register<S>;
+    /// A power of two.
+    fn inverse_sqrt_unit<S: Simd>(simd: S, digits: Digits) -> f64;
     /// The relative error of [`inverse_sqrt`](Self::inverse_sqrt) is less, rounding aside.
     fn inverse_sqrt_error<S: Simd>(simd: S, digits: Digits) -> f64;
     /// The relative error of [`inverse`](Self::inverse) is less, rounding aside.
@@ -97,6 +99,20 @@ macro_rules! reciprocal {
                 }
                 // One division of 256 bits costs no more than refining an estimate.
                 $t::one_over(simd, x)
+            }
+
+            #[inline(always)]
+            fn inverse_sqrt_unit<S: Simd>(simd: S, digits: Digits) -> f64 {
+                #[cfg(target_arch = "x86_64")]
+                {
+                    if is::<V4, S>(simd).is_some() {
+                        return refined_sqrt_unit($avx512[digits as usize]);
+                    }
+                    if is::<V3, S>(simd).is_some() {
+                        return refined_sqrt_unit($avx2[digits as usize]);
+                    }
+                }
+                1.0
             }
 
             #[inline(always)]
@@ -180,7 +196,8 @@ fn halved_exponent<S: Simd>(simd: S, machine: V3, x: S::f64s) -> S::f64s {
     refine_sqrt::<f64, S>(simd, 2, x, y)
 }
 
-/// y (1 − e)^(−1/2), e = 1 − x y²: the binomial series up to e^`degree`, from an estimate y of 1/√x.
+/// y (1 − e)^(−1/2), e = 1 − x y²: the binomial series up to e^`degree`, from an estimate y of 1/√x. With one term
+/// it is y (3 − x y²)/2, of which the half is left to the [unit](refined_sqrt_unit).
 #[cfg(target_arch = "x86_64")]
 #[inline(always)]
 fn refine_sqrt<F: Registers, S: Simd>(
@@ -192,6 +209,10 @@ fn refine_sqrt<F: Registers, S: Simd>(
     if degree == 0 {
         return y;
     }
+    if degree == 1 {
+        let three = F::splat(simd, F::from_f64(3.0));
+        return F::times(simd, y, F::minus_product(simd, F::times(simd, x, y), y, three));
+    }
     let coefficient = |k: usize| F::splat(simd, F::from_f64(BINOMIAL[k]));
     let e = F::minus_product(simd, F::times(simd, x, y), y, coefficient(0));
     let mut series = coefficient(degree);
@@ -199,6 +220,12 @@ fn refine_sqrt<F: Registers, S: Simd>(
         series = F::plus_product(simd, series, e, coefficient(k));
     }
     F::plus_product(simd, F::times(simd, y, e), series, y)
+}
+
+/// What [`refine_sqrt`] has to be multiplied by.
+#[cfg(target_arch = "x86_64")]
+fn refined_sqrt_unit(degree: usize) -> f64 {
+    if degree == 1 { 0.5 } else { 1.0 }
 }
 
 /// y (1 − e)⁻¹, e = 1 − x y: the geometric series up to e^`degree`, from an estimate y of 1/x.
@@ -252,8 +279,9 @@ mod tests {
             for i in 0..20_000 {
                 let fraction = 1.0 + f64::from(i) * 0.618_034 % 1.0;
                 let x = F::from_f64(fraction * 2f64.powi(exponent + i % (-2 * exponent)));
+                let unit = F::inverse_sqrt_unit(simd, digits);
                 let found = [
-                    first::<F, S>(F::inverse_sqrt(simd, digits, F::splat(simd, x))),
+                    first::<F, S>(F::inverse_sqrt(simd, digits, F::splat(simd, x))) * unit,
                     first::<F, S>(F::inverse(simd, digits, F::splat(simd, x))),
                 ];
                 let exact = [x.as_f64().sqrt().recip(), x.as_f64().recip()];

@@ -18,6 +18,10 @@ pub trait Registers: Real {
     fn splat<S: Simd>(simd: S, a: Self) -> Self::Register<S>;
     /// a − b
     fn minus<S: Simd>(simd: S, a: Self::Register<S>, b: Self::Register<S>) -> Self::Register<S>;
+    /// a + b
+    fn plus<S: Simd>(simd: S, a: Self::Register<S>, b: Self::Register<S>) -> Self::Register<S>;
+    /// The lesser of a and b.
+    fn lesser<S: Simd>(simd: S, a: Self::Register<S>, b: Self::Register<S>) -> Self::Register<S>;
     /// a b
     fn times<S: Simd>(simd: S, a: Self::Register<S>, b: Self::Register<S>) -> Self::Register<S>;
     /// a b + c, rounded once where the machine has an instruction for it.
@@ -52,7 +56,7 @@ pub trait Registers: Real {
 macro_rules! registers {
     (
         $t:ident, $register:ident, $as_simd:ident, $as_mut_simd:ident, $splat:ident,
-        $sub:ident, $mul:ident, $div:ident, $sqrt:ident, $mul_add:ident, $sub_product:ident,
+        $add:ident, $min:ident, $sub:ident, $mul:ident, $div:ident, $sqrt:ident, $mul_add:ident, $sub_product:ident,
         $at_least:ident, $select:ident, $reduce:ident
     ) => {
         impl Registers for $t {
@@ -73,6 +77,14 @@ macro_rules! registers {
             #[inline(always)]
             fn minus<S: Simd>(simd: S, a: S::$register, b: S::$register) -> S::$register {
                 simd.$sub(a, b)
+            }
+            #[inline(always)]
+            fn plus<S: Simd>(simd: S, a: S::$register, b: S::$register) -> S::$register {
+                simd.$add(a, b)
+            }
+            #[inline(always)]
+            fn lesser<S: Simd>(simd: S, a: S::$register, b: S::$register) -> S::$register {
+                simd.$min(a, b)
             }
             #[inline(always)]
             fn times<S: Simd>(simd: S, a: S::$register, b: S::$register) -> S::$register {
@@ -127,6 +139,8 @@ registers!(
     as_simd_f32s,
     as_mut_simd_f32s,
     splat_f32s,
+    add_f32s,
+    min_f32s,
     sub_f32s,
     mul_f32s,
     div_f32s,
@@ -143,6 +157,8 @@ registers!(
     as_simd_f64s,
     as_mut_simd_f64s,
     splat_f64s,
+    add_f64s,
+    min_f64s,
     sub_f64s,
     mul_f64s,
     div_f64s,
