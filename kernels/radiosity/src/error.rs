@@ -117,6 +117,14 @@ pub enum Error {
         /// The tolerance.
         found: f64,
     },
+    /// A direction that is none.
+    #[error("the {what} is {found:?}: expected a finite vector other than zero")]
+    InvalidDirection {
+        /// What it is the direction of.
+        what: &'static str,
+        /// The vector.
+        found: [f64; 3],
+    },
     /// Two inputs that belong together have different lengths.
     #[error("{what}: expected {expected} entries, one per surfel, found {found}")]
     LengthMismatch {

@@ -51,4 +51,4 @@ pub use solvers::{
     EnergyBalance, Report, Solution, Stop, bicgstab, conjugate_gradients, energy_balance, jacobi,
     southwell,
 };
-pub use surroundings::{Seen, Surroundings};
+pub use surroundings::{Daylight, Seen, Sky, Surroundings};

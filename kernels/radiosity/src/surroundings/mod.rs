@@ -3,6 +3,8 @@
 mod sides;
 mod seen;
 mod around;
+mod daylight;
 
 pub use around::Surroundings;
+pub use daylight::{Daylight, Sky};
 pub use seen::Seen;

@@ -22,7 +22,8 @@ pub struct Seen {
 pub(crate) enum End {
     Front(u32),
     Back,
-    Sky,
+    /// And in which direction.
+    Sky(DVec3),
 }
 
 /// Sheets that lie on each other at one place; more are not told apart.
@@ -75,7 +76,7 @@ impl Look<'_> {
         for _ in 0..SHEETS {
             let Some((distance, facet)) = self.occluders.nearest(point, direction, skip, -margin)
             else {
-                return End::Sky;
+                return End::Sky(direction);
             };
             let lies_on = distance * direction.dot(normal) <= margin
                 && facet.normal.dot(normal).abs() >= 1.0 - PARALLEL;
@@ -94,7 +95,7 @@ impl Look<'_> {
                 return End::Back;
             }
         }
-        End::Sky
+        End::Sky(direction)
     }
 
     /// Whether the element rests on a face that looks the other way, rather than with its back against the

@@ -4,7 +4,9 @@ use std::f64::consts::{PI, TAU};
 use std::ops::Range;
 
 use farfield::Mask;
-use farfield_radiosity::{Irradiance, Occluders, Patch, Projections, Scene, Surfel, Visibility};
+use farfield_radiosity::{
+    Element, Irradiance, Occluders, Patch, Projections, Scene, Surfel, Surroundings, Visibility,
+};
 use glam::DVec3;
 
 /// A form factor that is known exactly, and the scene that has it, by the number of pieces along an edge.
@@ -119,28 +121,116 @@ fn raw_form_factors_are_those_known_exactly() {
     assert!(missed.is_empty(), "{missed:#?}");
 }
 
+#[test]
+fn the_error_of_rows_is_what_rays_estimate() {
+    type Body = (&'static str, fn(usize) -> Parts, [usize; 2], fn(&[Element], usize) -> f64);
+    let bodies: [Body; 4] = [
+        ("squares", corner_blocker, [5, 9], |elements, i| past_the_corner(&elements[i])),
+        ("box", thin_box, [8, 14], unhidden_row),
+        ("spheres", spheres, [4, 8], |_, _| 1.0),
+        ("bowl", bowl, [3, 6], unhidden_row),
+    ];
+    let (mut seen, mut honest) = (0, 0);
+    for (name, scene, sizes, exact) in bodies {
+        for (n, tolerance) in sizes.into_iter().flat_map(|n| [(n, 1e-1), (n, 1e-2), (n, 1e-3)]) {
+            let Parts { scene, .. } = scene(n);
+            let elements = &scene.elements;
+            let occluders = Occluders::new(&scene.triangles).expect("finite");
+            let all = 0..elements.len();
+            let rows: Vec<f64> = rows(&scene, &occluders, all.clone(), &all, tolerance)
+                .map(|(row, _)| row)
+                .collect();
+            let around = Surroundings::new(elements, &occluders, 8);
+            let estimate = around.row_error(&rows);
+            let (mut square, mut area) = (0.0, 0.0);
+            for (i, row) in rows.iter().enumerate() {
+                let own = elements[i].surfel().area;
+                square += own * (row - exact(elements, i)).powi(2);
+                area += own;
+            }
+            let error = (square / area).sqrt();
+            println!("{name} {n} {tolerance:e}: {error:.1e}, estimated {estimate:.1e}");
+            if error > LEAST_SEEN {
+                seen += 1;
+                honest += usize::from((1.0 / 3.0..3.0).contains(&(estimate / error)));
+            } else {
+                assert!(estimate < 3.0 * LEAST_SEEN, "{name} {n} {tolerance:e}: {estimate:e}");
+            }
+        }
+    }
+    assert!(seen >= 12 && 10 * honest >= 9 * seen, "{honest} of {seen}");
+}
+
+/// Errors of rows that rays can tell.
+const LEAST_SEEN: f64 = 3e-4;
+
+/// A row of which nothing is hidden.
+fn unhidden_row(elements: &[Element], i: usize) -> f64 {
+    let patch = elements[i].as_patch().expect("flat");
+    elements.iter().filter_map(Element::as_patch).map(|other| patch.form_factor(other)).sum()
+}
+
+/// A row of the squares: what its points see of the other one, less what a corner of that hides, which is the
+/// blocker twice as large, away from each point.
+fn past_the_corner(element: &Element) -> f64 {
+    let patch = element.as_patch().expect("flat");
+    let &[a, b, _, d] = patch.corners() else { panic!() };
+    let height = if a.z < 0.5 { 1.0 } else { 0.0 };
+    let corner = |x: f64, y: f64| {
+        let mut corners =
+            [[0.0, 0.0], [0.0, y], [x, y], [x, 0.0]].map(|[x, y]| DVec3::new(x, y, height));
+        if height == 0.0 {
+            corners.reverse();
+        }
+        Patch::new(&corners).expect("flat")
+    };
+    const POINTS: usize = 16;
+    let seen = |k: usize| {
+        let [u, v] = [k / POINTS, k % POINTS].map(|k| (k as f64 + 0.5) / POINTS as f64);
+        let point = a + (b - a) * u + (d - a) * v;
+        let from = |other: Patch| other.form_factor_from(point, patch.normal());
+        from(corner(1.0, 1.0)) - from(corner(1.0 - point.x, 1.0 - point.y))
+    };
+    (0..POINTS * POINTS).map(seen).sum::<f64>() / (POINTS * POINTS) as f64
+}
+
 /// The mean form factor from some elements to others, pair by pair.
 fn factor(Parts { scene, from, to }: &Parts, tolerance: f64) -> f64 {
     let occluders = Occluders::new(&scene.triangles).expect("finite");
-    let mask = Visibility::of_elements(&occluders, &scene.elements);
-    let corrections = mask.corrections(&scene.elements, tolerance).expect("valid");
     let (mut sum, mut area) = (0.0, 0.0);
-    for i in from.clone() {
+    for (row, own) in rows(scene, &occluders, from.clone(), to, tolerance) {
+        sum += row * own;
+        area += own;
+    }
+    sum / area
+}
+
+/// The form factors of some elements to others, each summed, and the areas.
+fn rows<'a>(
+    scene: &'a Scene,
+    occluders: &'a Occluders,
+    from: Range<usize>,
+    to: &'a Range<usize>,
+    tolerance: f64,
+) -> impl Iterator<Item = (f64, f64)> + 'a {
+    let mask = Visibility::of_elements(occluders, &scene.elements);
+    let corrections = mask.corrections(&scene.elements, tolerance).expect("valid");
+    from.map(move |i| {
         let x: &Surfel = scene.elements[i].surfel();
-        area += x.area;
+        let mut sum = 0.0;
         for j in to.clone().filter(|&j| j != i) {
             let y = scene.elements[j].surfel();
             let pair = Projections::new(x, y);
             if pair.facing() {
                 let share = Mask::<Irradiance<f64>>::pair(&mask, x, y);
-                sum += share * pair.kernel() * x.area * y.area;
+                sum += share * pair.kernel() * y.area;
             }
         }
         // C is symmetric: what i sends is what it receives, but for the areas.
         let near = corrections.column(i).filter(|(j, _)| to.contains(j));
-        sum += near.map(|(j, value)| value * scene.elements[j].surfel().area).sum::<f64>();
-    }
-    sum / area
+        let near: f64 = near.map(|(j, value)| value * scene.elements[j].surfel().area).sum();
+        (sum + near / x.area, x.area)
+    })
 }
 
 fn corner_blocker(n: usize) -> Parts {
@@ -231,5 +321,5 @@ fn add_piece(scene: &mut Scene, corners: [DVec3; 4]) {
     }
     let face = scene.add_quad(corners, 0, 0);
     let patch = Patch::new(&found).expect("flat");
-    scene.elements.push(farfield_radiosity::Element::patch(patch, face));
+    scene.elements.push(Element::patch(patch, face));
 }

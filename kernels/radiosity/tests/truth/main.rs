@@ -2,6 +2,7 @@
 
 mod bodies;
 mod convergence;
+mod daylight;
 mod factors;
 mod generated;
 mod operators;
