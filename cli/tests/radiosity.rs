@@ -366,7 +366,15 @@ fn pictures_are_as_large_as_asked_for_or_left_out() {
         .map(|entry| entry.expect("an entry").file_name().to_string_lossy().into_owned())
         .collect();
     names.sort_unstable();
-    let expected = ["elements.csv", "elements.npy", "elements.ply", "elements.vtu", "report.json"];
+    let expected = [
+        "elements.csv",
+        "elements.glb",
+        "elements.npy",
+        "elements.ply",
+        "elements.vtu",
+        "report.html",
+        "report.json",
+    ];
     assert_eq!(names, expected);
 }
 

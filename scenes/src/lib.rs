@@ -11,7 +11,7 @@
 //! | `formats` | reads OBJ, STL, PLY, OFF, VS3, glTF, and descriptions in TOML |
 //! | `cutting` | cuts surfaces into elements, as small as a tolerance asks for |
 //! | `pictures` | casts rays, smooths fields, maps values to colours |
-//! | `output` | writes PNG, PLY, VTU and CSV files, all of them or none |
+//! | `output` | writes PNG, PLY, VTU, CSV and glTF files, all of them or none |
 //!
 //! Nothing here knows how light is exchanged: the fields on a mesh come from elsewhere.
 //!
@@ -40,10 +40,13 @@ pub use cutting::refine::Refinement;
 pub use formats::load::load;
 pub use formats::view3d::{View3d, View3dRole, View3dSurface};
 pub use generators::{GENERATORS, generate};
-pub use output::files::{Output, OutputError, write_file};
+pub use output::files::{Output, OutputError, png_uri, write_file};
+pub use output::page::Page;
 pub use output::table::Table;
+pub use pictures::colours::Colours;
 pub use pictures::lamps::direct_light_by_pixel;
 pub use pictures::picture::Picture;
+pub use pictures::shading::Shading;
 pub use pictures::sight::Sight;
 pub use pictures::tone::Rgb;
 pub use scene::error::SceneError;

@@ -34,7 +34,7 @@ use crate::numbers::traits::Scalar;
 /// let store = OperatorStore::new(100 << 20);
 /// let points: Vec<DVec3> =
 ///     (0..20_000).map(|i| DVec3::new(0.618, 0.755, 0.570) * f64::from(i)).map(|x| x.fract()).collect();
-/// let log = || from_fn(|x: &DVec3, y: &DVec3| if x == y { 0.0 } else { x.distance(*y).ln() });
+/// let log = || from_fn(|x: DVec3, y: DVec3| if x == y { 0.0 } else { x.distance(y).ln() });
 /// let plan = || Fmm::builder(log()).tolerance(1e-3).operator_store(&store).build(&points, &points);
 /// let sums = plan()?.apply(&vec![1.0; points.len()])?;
 ///

@@ -9,8 +9,8 @@ use serde::Serialize;
 /// Light or radiant heat in a scene: solves the radiosity equation by a fast multipole sum with
 /// occlusion, checks the sum against direct summation, and pictures the result.
 ///
-/// Writes radiosity.png, radiosity.exr, elements.ply, elements.vtu, elements.csv, elements.npy and
-/// report.json, all of them or none. Fails if the measured error of the sums exceeds the tolerance, or if
+/// Writes radiosity.png, radiosity.exr, elements.ply, elements.glb, elements.vtu, elements.csv, elements.npy,
+/// scene.html to walk through (up to 500000 elements), report.json and report.html, all of them or none. Fails if the measured error of the sums exceeds the tolerance, or if
 /// nothing emits and no form factors are asked for. What else may be wrong is a warning, on standard
 /// error and in report.json: a tolerance that so many elements can't meet is one. Warnings don't change
 /// the exit code, unless --strict is given.
@@ -69,7 +69,7 @@ pub(crate) struct Args {
     #[arg(long)]
     pub(crate) strict: bool,
 
-    /// Takes no picture, which may take longer than the solution
+    /// Takes no picture and writes no scene.html, which may take longer than the solution
     #[arg(long, conflicts_with = "size")]
     pub(crate) no_picture: bool,
 

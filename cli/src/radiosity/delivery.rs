@@ -1,9 +1,13 @@
 //! What a run writes: pictures, everything about the elements, form factors, the report.
 
 use std::io::Write;
+use std::path::Path;
 
 use farfield_radiosity::{Occluders, Surroundings};
-use farfield_scenes::{Fields, Mesh, Output, OutputError, Picture, Scene, Sight, Table};
+use farfield_scenes::{
+    Colours, Fields, Mesh, Output, OutputError, Page, Picture, Scene, Shading, Sight, Table,
+    png_uri,
+};
 
 use super::args::{Args, QuantityName, VisibilityName};
 use super::failure::Failure;
@@ -11,12 +15,15 @@ use super::figures::Figures;
 use super::interrupt::Interrupt;
 use super::progress::Progress;
 use super::report::Report;
-use super::solve::Exchange;
+use super::report_page::{self, Exhibits};
+use super::solve::{Exchange, RESIDUAL};
 use super::warning::Warning;
 use super::{exr, factors, npy};
 
 /// What a table of form factors may leave out of each row, in units of the tolerance.
 const LISTED: f64 = 1e-2;
+/// Elements that a page may have to be shown by a browser without delay.
+const MOST_SHOWN: usize = 500_000;
 
 /// A solution on one mesh.
 pub(crate) struct Solved {
@@ -79,78 +86,111 @@ pub(crate) fn deliver(
     output: &mut Output,
 ) -> Result<Report, Failure> {
     let Solved { fields, figures, indirect, warnings: own } = solved;
-    // Without a solution there is nothing to be seen.
-    let picture = if args.no_picture || figures.residual.is_none() {
-        None
-    } else {
-        Some(picture(args, scene, mesh, &fields, indirect.as_deref(), progress)?)
+    let is_solved = figures.residual.is_some();
+    let sight = if args.no_picture { None } else { Some(Sight::new(scene, mesh)?) };
+    // Without a solution there is no light to be seen, but form factors are.
+    let picture = match &sight {
+        Some(sight) if is_solved => {
+            Some(picture(args, sight, &fields, indirect.as_deref(), progress)?)
+        }
+        _ => None,
     };
+    let colours = match &picture {
+        Some(picture) => picture.colours.clone(),
+        None => Colours::of_elements(&fields, args.quantity.into()),
+    };
+    let bar = progress.spinner("shading");
+    let shading = match &sight {
+        Some(sight) if is_solved => Shading::smooth(sight, &fields, &colours)?,
+        _ => Shading::constant(mesh, &fields, &colours)?,
+    };
+    drop(bar);
     warnings.extend(own);
     let size = [fields.bands, mesh.elements.len()];
     let mut report = figures.report(args, &scene.repairs, warnings, size, progress);
     report.repairs.extend(picture.iter().filter_map(|picture| picture.repair.clone()));
     let bar = progress.spinner("writing");
-    report.files = write(args, mesh, &fields, picture.as_ref(), output)?;
+    let shown = Shown { scene, mesh, fields: &fields, shading: &shading, colours: &colours };
+    report.files = write(&shown, picture.as_ref(), output)?;
+    if let Some(sight) = sight.as_ref().filter(|_| mesh.elements.len() <= MOST_SHOWN) {
+        let title = Path::new(&args.scene).file_name().unwrap_or_default().to_string_lossy();
+        let page = Page {
+            title: &title,
+            quantity: args.quantity.into(),
+            is_solved,
+            sight,
+            fields: &fields,
+            shading: &shading,
+            colours: &colours,
+        };
+        output.page("scene.html", &page)?;
+        report.files.push("scene.html");
+    }
     drop(bar);
     report.phases = progress.seconds();
+    report.files.extend(["report.json", "report.html"]);
     output.write("report.json", |file| {
         serde_json::to_writer_pretty(&mut *file, &report)?;
         writeln!(file)
     })?;
-    report.files.push("report.json");
+    output.write("report.html", |file| {
+        let picture = picture.as_ref().map(|picture| png_uri(picture.size, &picture.codes));
+        let (picture, row_sums) = (picture.transpose()?, &fields.row_sums[..]);
+        let goal = RESIDUAL * args.sum_tolerance();
+        report_page::write(file, &report, &Exhibits { picture, row_sums, goal })
+    })?;
     Ok(report)
 }
 
 /// The picture of a solution.
 fn picture(
     args: &Args,
-    scene: &Scene,
-    mesh: &Mesh,
+    sight: &Sight<'_>,
     fields: &Fields,
     indirect: Option<&[f64]>,
     progress: &Progress,
 ) -> Result<Picture, Failure> {
     let bar = progress.bar("rendering");
-    let sight = Sight::new(scene, mesh)?;
     let size = args.size.unwrap_or(Picture::SIZE);
     Ok(match args.quantity {
         QuantityName::Light => {
             let nothing = Occluders::new(&[])?;
             let casts = args.visibility != VisibilityName::None;
             let shadows = if casts { sight.occluders() } else { &nothing };
-            Picture::of_light(&sight, fields, shadows, indirect, size, bar.shower())?
+            Picture::of_light(sight, fields, shadows, indirect, size, bar.shower())?
         }
-        QuantityName::Heat => Picture::of_heat(&sight, fields, size, bar.shower())?,
+        QuantityName::Heat => Picture::of_heat(sight, fields, size, bar.shower())?,
     })
+}
+
+/// A solution as it is shown.
+struct Shown<'a> {
+    scene: &'a Scene,
+    mesh: &'a Mesh,
+    fields: &'a Fields,
+    shading: &'a Shading,
+    colours: &'a Colours,
 }
 
 /// Writes the picture, if any, and everything about the elements; returns the names of the files.
 fn write(
-    args: &Args,
-    mesh: &Mesh,
-    fields: &Fields,
+    shown: &Shown<'_>,
     picture: Option<&Picture>,
     output: &mut Output,
 ) -> Result<Vec<&'static str>, OutputError> {
+    let &Shown { scene, mesh, fields, shading, colours } = shown;
     let mut files = Vec::new();
-    let alone;
-    let colours = match picture {
-        Some(picture) => {
-            output.png("radiosity.png", picture.size, &picture.codes)?;
-            let write_exr = |file: &mut _| exr::write(file, picture.size, &picture.values);
-            output.write("radiosity.exr", write_exr)?;
-            files.extend(["radiosity.png", "radiosity.exr"]);
-            &picture.elements
-        }
-        None => {
-            alone = Picture::elements_alone(fields, args.quantity.into());
-            &alone
-        }
-    };
-    output.ply_mesh("elements.ply", mesh, fields, colours)?;
+    if let Some(picture) = picture {
+        output.png("radiosity.png", picture.size, &picture.codes)?;
+        let write_exr = |file: &mut _| exr::write(file, picture.size, &picture.values);
+        output.write("radiosity.exr", write_exr)?;
+        files.extend(["radiosity.png", "radiosity.exr"]);
+    }
+    output.ply_mesh("elements.ply", mesh, fields, &colours.codes(fields))?;
+    output.glb("elements.glb", scene, mesh, fields, shading, colours)?;
     output.vtu("elements.vtu", mesh, fields)?;
     output.csv("elements.csv", mesh, fields)?;
     output.write("elements.npy", |file| npy::write(file, &Table::new(mesh, fields)?))?;
-    files.extend(["elements.ply", "elements.vtu", "elements.csv", "elements.npy"]);
+    files.extend(["elements.ply", "elements.glb", "elements.vtu", "elements.csv", "elements.npy"]);
     Ok(files)
 }

@@ -22,6 +22,7 @@ mod negative;
 mod npy;
 mod progress;
 mod report;
+mod report_page;
 mod simulation;
 mod solve;
 mod warning;

@@ -78,6 +78,9 @@ pub(crate) struct Report {
     pub(crate) iterations: usize,
     /// The largest residual of the equation, in units of the emission; none where nothing is solved.
     pub(crate) residual: Option<f64>,
+    /// The residual, or an estimate of it, after so many sums or shots, for each group of bands that were solved
+    /// for at once.
+    pub(crate) residuals: Vec<Vec<(usize, f64)>>,
     /// Whether Ctrl-C ended the run early: the solution, the refinement or the table of form factors.
     pub(crate) interrupted: bool,
     /// The share of the emitted power that is neither absorbed nor escapes; none where nothing is emitted.
@@ -149,8 +152,9 @@ impl Pairs {
     }
 }
 
-impl fmt::Display for Report {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+impl Report {
+    /// The figures that a reader wants to know, by name.
+    pub(crate) fn lines(&self) -> Vec<(&'static str, String)> {
         let Pairs { expansion, direct, facing_away, hidden } = self.pairs;
         let percent = |share: f64| format!("{:.1} %", 100.0 * share);
         let per_element = self.rays as f64 / self.elements.max(1) as f64;
@@ -166,43 +170,44 @@ impl fmt::Display for Report {
             None => "the error of constants is",
         };
         let elements = format!("{}, {what} {}", self.elements, known(self.element_error));
-        let mut line = |name: &str, value: String| writeln!(f, "{name:<22}{value}");
-        line("elements", elements)?;
-        line("pairs by expansion", percent(expansion))?;
-        line("pairs summed directly", percent(direct))?;
-        line("pairs facing away", percent(facing_away))?;
-        line("pairs hidden", percent(hidden))?;
-        line("rays per element", format!("{per_element:.0}"))?;
+        let mut lines = Vec::new();
+        let mut line = |name: &'static str, value: String| lines.push((name, value));
+        line("elements", elements);
+        line("pairs by expansion", percent(expansion));
+        line("pairs summed directly", percent(direct));
+        line("pairs facing away", percent(facing_away));
+        line("pairs hidden", percent(hidden));
+        line("rays per element", format!("{per_element:.0}"));
         if self.visibility == VisibilityName::Fractional {
-            line("visibility known to", format!("{:.1e}", self.visibility_uncertainty))?;
+            line("visibility known to", format!("{:.1e}", self.visibility_uncertainty));
         }
-        line("row sums", format!("{min:.4} to {max:.4}, off by {rms_error:.1e}"))?;
-        line("form factors off by", format!("{:.1e}, by rays", self.form_factor_error))?;
-        line("light to the sky", percent(self.to_sky))?;
-        line("light to backs", percent(self.to_backs))?;
+        line("row sums", format!("{min:.4} to {max:.4}, off by {rms_error:.1e}"));
+        line("form factors off by", format!("{:.1e}, by rays", self.form_factor_error));
+        line("light to the sky", percent(self.to_sky));
+        line("light to backs", percent(self.to_backs));
         let Negative { count, largest } = self.negative;
         if count > 0 {
             let what =
                 format!("{count} irradiances, by {largest:.1e} of the mean at most: set to 0");
-            line("below zero", what)?;
+            line("below zero", what);
         }
-        line("closed by", format!("{:.1e} at most", self.closure_correction))?;
-        line("reciprocal to", format!("{:.1e}", self.reciprocity_error))?;
-        line("plan", format!("{:.2} s", self.plan_s))?;
-        line("solve", format!("{:.2} s, iterations: {}", self.solve_s, self.iterations))?;
+        line("closed by", format!("{:.1e} at most", self.closure_correction));
+        line("reciprocal to", format!("{:.1e}", self.reciprocity_error));
+        line("plan", format!("{:.2} s", self.plan_s));
+        line("solve", format!("{:.2} s, iterations: {}", self.solve_s, self.iterations));
         if self.interrupted {
-            line("interrupted", format!("at a residual of {}", known(self.residual)))?;
+            line("interrupted", format!("at a residual of {}", known(self.residual)));
         }
         line(
             "direct summation",
             format!("{:.2} s (extrapolated from {} elements)", self.direct_s, self.sampled_surfels),
-        )?;
-        line("energy residual", known(self.energy_residual))?;
+        );
+        line("energy residual", known(self.energy_residual));
         if let Some(bytes) = self.peak_memory_bytes {
-            line("peak memory", format!("{:.2} GiB", bytes as f64 / (1u64 << 30) as f64))?;
+            line("peak memory", format!("{:.2} GiB", bytes as f64 / (1u64 << 30) as f64));
         }
         for repair in &self.repairs {
-            line("mended", repair.clone())?;
+            line("mended", repair.clone());
         }
         let sampled = self.sampled_surfels;
         let allowed = format!("(tolerance {tolerance:.0e}, at {sampled} elements)");
@@ -210,7 +215,19 @@ impl fmt::Display for Report {
             Some(error) => ("form factors off by", Some(error)),
             None => ("relative l2 error", self.relative_l2_error),
         };
-        write!(f, "{what:<22}{} {allowed}", known(error))
+        line(what, format!("{} {allowed}", known(error)));
+        lines
+    }
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let lines = self.lines();
+        for (index, (name, value)) in lines.iter().enumerate() {
+            let end = if index + 1 < lines.len() { "\n" } else { "" };
+            write!(f, "{name:<22}{value}{end}")?;
+        }
+        Ok(())
     }
 }
 

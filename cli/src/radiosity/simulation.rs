@@ -222,8 +222,7 @@ impl Run<'_> {
         };
         let (mut iterations, mut interrupted) = (0, false);
         let (mut residual, mut energy) = (0.0f64, 0.0f64);
-        let mut error: Option<f64> = None;
-        let mut check = None;
+        let (mut error, mut check) = (None::<f64>, None);
         let mut checked = |radiosity: &[[f64; BANDS]]| {
             let _bar = progress.spinner("checking");
             let gathered = operator.apply(radiosity)?;
@@ -317,6 +316,7 @@ impl Run<'_> {
             uncertainty: visibility.uncertainty(area),
             iterations,
             residual: solves.then_some(residual),
+            residuals: progress.take_residuals(),
             interrupted,
             energy: solves.then_some(energy),
             error: error.filter(|_| solves),
@@ -389,7 +389,7 @@ mod tests {
             report.elements <= scene.surfaces.len() + FIRST_ELEMENTS
                 && report.element_error > Some(0.01)
         );
-        assert_eq!(report.files.len(), 7);
+        assert_eq!(report.files.len(), 10);
         let repair = "camera that saw backs of surfaces, replaced by one outside";
         assert_eq!(report.repairs, [repair]);
         assert!(report.files.iter().all(|name| args.out.join(name).exists()));

@@ -16,7 +16,7 @@ use super::progress::Progress;
 use farfield_scenes::Optics;
 
 /// The equation's residual in units of the tolerance: small enough not to add to the error.
-const RESIDUAL: f64 = 1e-2;
+pub(crate) const RESIDUAL: f64 = 1e-2;
 /// Bounces that a solution may take.
 const MAX_BOUNCES: usize = 2000;
 
@@ -45,7 +45,9 @@ impl<const BANDS: usize> Exchange<'_, BANDS> {
     ) -> Result<Solution<f64, BANDS>, Error> {
         let tolerance = RESIDUAL * tolerance;
         let bar = progress.bar("solving");
-        let report = |_, residual: f64| {
+        progress.begin_residuals();
+        let report = |step, residual: f64| {
+            progress.add_residual(step, residual);
             bar.show(residual.ln() / tolerance.ln());
             interrupt.flow()
         };
@@ -59,9 +61,7 @@ impl<const BANDS: usize> Exchange<'_, BANDS> {
             }
             SolverName::Jacobi => jacobi(emission, reflectance, stop, apply, report),
             SolverName::Bicgstab => bicgstab(emission, reflectance, stop, apply, report),
-            SolverName::Southwell => {
-                self.shoot(&balance, reflectance, stop, |residual| report(0, residual))
-            }
+            SolverName::Southwell => self.shoot(&balance, reflectance, stop, report),
         }?;
         if balance.is_changed() {
             solution.irradiance = self.operator.apply(&solution.radiosity)?;
@@ -75,14 +75,13 @@ impl<const BANDS: usize> Exchange<'_, BANDS> {
         balance: &Balance<'_, '_, BANDS>,
         reflectance: &[[f64; BANDS]],
         stop: Stop,
-        report: impl Fn(f64) -> ControlFlow<()>,
+        report: impl Fn(usize, f64) -> ControlFlow<()>,
     ) -> Result<Solution<f64, BANDS>, Error> {
         let (count, emission) = (self.surfels.len(), balance.emission());
         let stop = Stop { max_iterations: MAX_BOUNCES * count, ..stop };
-        let progress = |_, residual| report(residual);
         if !balance.is_changed() {
             let column = |i: usize| Ok::<_, Infallible>(self.column(i));
-            return southwell(self.surfels, emission, reflectance, stop, column, progress);
+            return southwell(self.surfels, emission, reflectance, stop, column, report);
         }
         let zeros = || vec![[0.0; BANDS]; count];
         let mut all = Solution {
@@ -102,7 +101,7 @@ impl<const BANDS: usize> Exchange<'_, BANDS> {
                 Ok::<_, Infallible>(column)
             };
             let (emission, reflectance) = (of(emission), of(reflectance));
-            let one = southwell(self.surfels, &emission, &reflectance, stop, column, progress)?;
+            let one = southwell(self.surfels, &emission, &reflectance, stop, column, &report)?;
             for (row, [b]) in all.radiosity.iter_mut().zip(one.radiosity) {
                 row[band] = b;
             }

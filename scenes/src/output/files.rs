@@ -1,12 +1,19 @@
 //! Files: written under temporary names, all renamed at the end or none.
 
 use std::fs::{self, File};
-use std::io::{self, BufWriter};
+use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
+
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
 
 use crate::cutting::fields::Fields;
 use crate::cutting::mesh::Mesh;
-use crate::output::{ply, table, vtu};
+use crate::output::page::Page;
+use crate::output::{gltf, page, ply, table, vtu};
+use crate::pictures::colours::Colours;
+use crate::pictures::shading::Shading;
+use crate::scene::Scene;
 
 /// A failure to write, with the file or folder it concerns.
 #[derive(Debug, thiserror::Error)]
@@ -65,15 +72,7 @@ impl Output {
         size: [usize; 2],
         codes: &[[u8; 3]],
     ) -> Result<(), OutputError> {
-        let [width, height] = size.map(|edge| edge as u32);
-        self.write(name, |file| {
-            let mut encoder = png::Encoder::new(file, width, height);
-            encoder.set_color(png::ColorType::Rgb);
-            encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
-            let mut writer = encoder.write_header()?;
-            writer.write_image_data(codes.as_flattened())?;
-            Ok(writer.finish()?)
-        })
+        self.write(name, |file| write_png(file, size, codes))
     }
 
     /// Writes a mesh with what is known of its elements, and their colours as sRGB codes, as PLY.
@@ -95,6 +94,24 @@ impl Output {
         fields: &Fields,
     ) -> Result<(), OutputError> {
         self.write(name, |file| vtu::write(file, mesh, fields))
+    }
+
+    /// Writes a mesh with the colours of its radiosities as binary glTF, by the shading of that mesh.
+    pub fn glb(
+        &mut self,
+        name: &'static str,
+        scene: &Scene,
+        mesh: &Mesh,
+        fields: &Fields,
+        shading: &Shading,
+        colours: &Colours,
+    ) -> Result<(), OutputError> {
+        self.write(name, |file| gltf::write(file, scene, mesh, fields, shading, colours))
+    }
+
+    /// Writes a solution as a page of HTML to walk through, about a hundred bytes for each element.
+    pub fn page(&mut self, name: &'static str, page: &Page<'_>) -> Result<(), OutputError> {
+        self.write(name, |file| page::write(file, page))
     }
 
     /// Writes a line of numbers for each element as CSV, below a line with their names.
@@ -181,6 +198,27 @@ pub fn write_file(
     output.publish()
 }
 
+/// Writes a picture of so many columns and rows of sRGB codes as PNG.
+fn write_png(file: impl Write, size: [usize; 2], codes: &[[u8; 3]]) -> io::Result<()> {
+    let [width, height] = size.map(|edge| edge as u32);
+    let mut encoder = png::Encoder::new(file, width, height);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(codes.as_flattened())?;
+    Ok(writer.finish()?)
+}
+
+/// A picture of so many columns and rows of sRGB codes, row by row from the upper left corner, as a data URI of a PNG.
+///
+/// # Errors
+/// [`io::ErrorKind::InvalidInput`] and the like unless there is a code for each pixel.
+pub fn png_uri(size: [usize; 2], codes: &[[u8; 3]]) -> io::Result<String> {
+    let mut bytes = Vec::new();
+    write_png(&mut bytes, size, codes)?;
+    Ok(format!("data:image/png;base64,{}", STANDARD.encode(bytes)))
+}
+
 /// How files are called that are not whole yet, and those that are about to be replaced.
 const PARTIAL: &str = "partial";
 const EARLIER: &str = "earlier";
@@ -239,7 +277,6 @@ fn put_back(path: &Path) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::io::Write;
 
     fn folder(test: &str) -> PathBuf {
         std::env::temp_dir().join(format!("farfield-{test}-{}", std::process::id()))

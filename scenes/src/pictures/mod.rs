@@ -1,6 +1,7 @@
 //! Pictures of a solved scene: a camera, rays, smooth fields, light from lamps, colours.
 
 pub(crate) mod camera;
+pub(crate) mod colours;
 pub(crate) mod exposure;
 pub(crate) mod film;
 pub(crate) mod fit;
@@ -10,6 +11,7 @@ pub(crate) mod palette;
 pub(crate) mod picture;
 #[cfg(test)]
 mod samples;
+pub(crate) mod shading;
 pub(crate) mod sight;
 pub(crate) mod smooth;
 pub(crate) mod tone;

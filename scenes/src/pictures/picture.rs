@@ -1,11 +1,10 @@
 //! What a solved scene looks like.
 
-use std::f64::consts::FRAC_1_PI;
-
 use farfield_radiosity::{Error, Occluders};
 
 use crate::cutting::fields::Fields;
 use crate::pictures::camera::Camera;
+use crate::pictures::colours::{Colours, temperature};
 use crate::pictures::exposure::RAYS;
 use crate::pictures::film::{Film, Lit};
 use crate::pictures::lamps::Lamps;
@@ -14,7 +13,6 @@ use crate::pictures::sight::Sight;
 use crate::pictures::smooth::Smooth;
 use crate::pictures::tone::{Rgb, ToneMap, colour};
 use crate::pictures::view::View;
-use crate::scene::{Quantity, STEFAN_BOLTZMANN};
 
 /// A picture and the colours of elements.
 #[derive(Clone, Debug)]
@@ -26,8 +24,8 @@ pub struct Picture {
     pub codes: Vec<[u8; 3]>,
     /// What the codes stand for: radiances, or temperatures \[K\] in every band.
     pub values: Vec<Rgb>,
-    /// The sRGB code of each element.
-    pub elements: Vec<[u8; 3]>,
+    /// Which colours radiosities have in it.
+    pub colours: Colours,
     /// What was mended in the camera.
     pub repair: Option<String>,
 }
@@ -80,9 +78,8 @@ impl Picture {
         let values = film.radiances(sight, &lit, rows_done(size, &progress));
         let tone = ToneMap::exposing(&values);
         let codes = values.iter().map(|radiance| tone.code(radiance)).collect();
-        let radiosity = of(&fields.radiosity);
-        let elements = radiosity.iter().map(|b| tone.code(&b.map(|b| FRAC_1_PI * b))).collect();
-        Ok(Self { size, codes, values, elements, repair })
+        let colours = Colours::of_light(tone);
+        Ok(Self { size, codes, values, colours, repair })
     }
 
     /// Temperatures in false colours, by the first band of the radiosity. `size` is that of the picture,
@@ -100,33 +97,15 @@ impl Picture {
         let View { place, backs, repair } = View::new(sight.scene, sight);
         let camera = Camera::at(&place).widened(size);
         let film = Film { camera, backs, size, evenness: EVENNESS_OF_HEAT };
-        let temperatures = temperatures(fields);
-        let held: Vec<Rgb> = temperatures.iter().map(|&t| [t; 3]).collect();
-        let field = Smooth::new(&sight.mesh.elements, sight, sight.occluders(), &held);
+        let first = fields.radiosity.iter().step_by(fields.bands.max(1));
+        let temperatures: Vec<Rgb> = first.map(|&b| [temperature(b); 3]).collect();
+        let field = Smooth::new(&sight.mesh.elements, sight, sight.occluders(), &temperatures);
         let values = film.values(sight, &field, rows_done(size, &progress));
         let range = palette::range(values.iter().flatten().copied());
         let codes = palette::picture(&values, size, &range);
-        let elements = temperatures.iter().map(|&t| palette::code(t, &range)).collect();
+        let colours = Colours::of_heat(range);
         let values = values.iter().map(|value| [value.unwrap_or(0.0); 3]).collect();
-        Ok(Self { size, codes, values, elements, repair })
-    }
-
-    /// The colours of elements without a picture, as sRGB codes: the exposure, or the range of
-    /// temperatures, is that of all of them.
-    pub fn elements_alone(fields: &Fields, quantity: Quantity) -> Vec<[u8; 3]> {
-        match quantity {
-            Quantity::Light => {
-                let bands = fields.radiosity.chunks(fields.bands.max(1));
-                let radiances: Vec<Rgb> = bands.map(|b| colour(b).map(|b| FRAC_1_PI * b)).collect();
-                let tone = ToneMap::exposing(&radiances);
-                radiances.iter().map(|radiance| tone.code(radiance)).collect()
-            }
-            Quantity::Heat => {
-                let temperatures = temperatures(fields);
-                let range = palette::range(temperatures.iter().copied());
-                temperatures.iter().map(|&t| palette::code(t, &range)).collect()
-            }
-        }
+        Ok(Self { size, codes, values, colours, repair })
     }
 
     /// Columns and rows where nobody says otherwise.
@@ -137,12 +116,6 @@ impl Picture {
 const EVENNESS: f64 = 0.03;
 /// That of temperatures, which differ by little, and all colours go to what they differ by.
 const EVENNESS_OF_HEAT: f64 = 5e-4;
-
-/// The temperatures of elements \[K\] by the first band of their radiosity.
-fn temperatures(fields: &Fields) -> Vec<f64> {
-    let temperature = |b: &f64| (b / STEFAN_BOLTZMANN).max(0.0).powf(0.25);
-    fields.radiosity.iter().step_by(fields.bands.max(1)).map(temperature).collect()
-}
 
 /// Checks that there is a number for every element and band of a mesh.
 fn check(what: &'static str, field: &[f64], sight: &Sight, bands: usize) -> Result<(), Error> {

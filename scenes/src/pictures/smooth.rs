@@ -71,6 +71,21 @@ impl Smooth {
         [0, 1, 2].map(|band| (0..4).map(|k| weights[k] * corners[k][band]).sum())
     }
 
+    /// The vertices at the corners of an element, as [`Vertices::corners`] has them.
+    pub(crate) fn corners(&self, element: usize) -> [u32; 4] {
+        self.vertices.corners[element]
+    }
+
+    /// Where all vertices are.
+    pub(crate) fn positions(&self) -> impl Iterator<Item = DVec3> {
+        self.vertices.vertices.iter().map(|vertex| vertex.position)
+    }
+
+    /// The values at all vertices.
+    pub(crate) fn values(&self) -> &[Rgb] {
+        &self.values
+    }
+
     /// The point near `position`, which is at `parameters` of an element, where the smooth surface
     /// would be that the elements stand for, and its unit normal there. Flat surfaces stay as they are.
     pub(crate) fn surface(

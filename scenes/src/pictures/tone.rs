@@ -14,7 +14,7 @@ const WHITE_QUANTILE: f64 = 0.95;
 /// What the reference white is exposed to.
 const WHITE_EXPOSED: f64 = 1.5;
 /// The exposed radiance that is mapped to full white.
-const BURN: f64 = 4.0;
+pub(crate) const BURN: f64 = 4.0;
 
 impl ToneMap {
     /// Exposes so that the brightest twentieth of what isn't black becomes nearly white.
@@ -24,6 +24,11 @@ impl ToneMap {
         luminances.sort_unstable_by(f64::total_cmp);
         let reference = luminances.get((luminances.len() as f64 * WHITE_QUANTILE) as usize);
         Self { exposure: reference.map_or(1.0, |white| WHITE_EXPOSED / white) }
+    }
+
+    /// By what radiances are multiplied.
+    pub(crate) fn exposure(&self) -> f64 {
+        self.exposure
     }
 
     /// The sRGB code of a radiance. Every band follows Reinhard's curve x (1 + x/w²)/(1 + x), so that

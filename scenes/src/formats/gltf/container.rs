@@ -7,6 +7,7 @@ use base64::Engine;
 use base64::alphabet::STANDARD;
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
 
+use crate::formats::gltf::accessor::Content;
 use crate::formats::gltf::document::{Buffer, Document};
 use crate::formats::text::{BYTE_ORDER_MARK, read_bytes};
 use crate::scene::error::SceneError;
@@ -17,10 +18,7 @@ use crate::scene::error::SceneError;
 /// # Errors
 /// [`SceneError::Json`], [`SceneError::File`] for what is wrong with the container, or [`SceneError::Gltf`]
 /// or [`SceneError::Read`] for what is wrong with a buffer.
-pub(crate) fn open<'a>(
-    path: &Path,
-    bytes: &'a [u8],
-) -> Result<(Document, Vec<Cow<'a, [u8]>>), SceneError> {
+pub(crate) fn open<'a>(path: &Path, bytes: &'a [u8]) -> Result<Content<'a>, SceneError> {
     let refusal = |expected| SceneError::File { path: path.to_owned(), expected };
     let Chunks { json, binary } = chunks(bytes).map_err(refusal)?;
     let document: Document = serde_json::from_slice(json)
@@ -44,7 +42,7 @@ pub(crate) fn open<'a>(
         }
         buffers.push(content);
     }
-    Ok((document, buffers))
+    Ok(Content { document, buffers })
 }
 
 /// The parts of a file.

@@ -6,6 +6,8 @@ mod document;
 mod materials;
 mod places;
 #[cfg(test)]
+pub(crate) mod for_tests;
+#[cfg(test)]
 mod tests;
 
 use std::path::Path;
@@ -36,12 +38,12 @@ use crate::scene::place::Part;
 /// points and lines among them.
 pub(crate) fn read(path: &Path) -> Result<Scene, SceneError> {
     let bytes = read_bytes(path)?;
-    let (document, buffers) = container::open(path, &bytes)?;
-    check_version(path, &document)?;
-    let placed = nodes(path, &document)?;
+    let content = container::open(path, &bytes)?;
+    check_version(path, &content.document)?;
+    let placed = nodes(path, &content.document)?;
     let mut reading = Reading {
         path,
-        content: Content { document, buffers },
+        content,
         soup: Soup::default(),
         materials: Materials::default(),
         groups: Vec::new(),
