@@ -60,6 +60,17 @@ pub enum Error {
     /// The kernel is NaN or infinite between points of well-separated cells.
     #[error("the kernel is not finite between well-separated points: expected a finite number")]
     NonFiniteKernel,
+    /// Between points that extend so far, or so little, the kernel's numbers are beyond the range of the precision.
+    #[error(
+        "between points that extend over {extent:e} most numbers of the kernel are too small for {precision}: \
+         expected points in other units, or another precision"
+    )]
+    KernelOutOfRange {
+        /// The largest edge of the bounding box of all points.
+        extent: f64,
+        /// The precision, `f32` or `f64`.
+        precision: &'static str,
+    },
     /// Two inputs that belong together have different lengths.
     #[error("{what}: expected {expected} entries, found {found}")]
     LengthMismatch {

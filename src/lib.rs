@@ -75,8 +75,10 @@ pub use kernel::direct::{direct, relative_l2_error};
 pub use kernel::formula::{Difference, Form, Formula, FormulaEntry, Positions};
 pub use kernel::formula_kernel::{FormulaGradient, FormulaKernel, from_formula};
 pub use kernel::mask::{CellView, Coverage, Mask, Unmasked, direct_masked};
+pub use kernel::ordinary::OrdinaryDistances;
 pub use kernel::traits::{Kernel, Outcome};
 pub use kernel::with_gradient::WithGradient;
+pub use numbers::extended::Extended;
 pub use numbers::math;
 pub use numbers::number::{Coordinates, Number};
 #[cfg(feature = "ndarray")]

@@ -2,6 +2,7 @@
 
 use crate::dispatch_level::DispatchLevel;
 use crate::error::Error;
+use crate::kernel::ordinary::check_range;
 use crate::kernel::traits::Kernel;
 use crate::numbers::traits::{Numbers, l2_norm};
 use crate::parallel;
@@ -12,7 +13,8 @@ use crate::parallel;
 /// # Errors
 /// [`Error::LengthMismatch`] if there is not one charge per source; those of
 /// [`Kernel::check_sizes`]; [`Error::ChargeTooLong`] if a charge
-/// is a list of more numbers than the kernel takes.
+/// is a list of more numbers than the kernel takes; [`Error::KernelOutOfRange`] if points extend so far, or so little,
+/// that what the kernel gives between most of them is too small for its precision.
 pub fn direct<K: Kernel>(
     kernel: &K,
     sources: &[K::Source],
@@ -20,6 +22,7 @@ pub fn direct<K: Kernel>(
     targets: &[K::Target],
 ) -> Result<Vec<K::Value>, Error> {
     check_charges(kernel, sources.len(), charges)?;
+    check_range(kernel, sources, targets)?;
     let mut values = vec![K::Value::zero(); targets.len()];
     parallel::for_each_piece(&mut values, DIRECT_BLOCK, &|block, us| {
         let xs = &targets[DIRECT_BLOCK * block..][..us.len()];

@@ -10,6 +10,7 @@ use crate::expansion::{Expansion, RealOf, SourceOf, TargetOf};
 use crate::interaction::lists::Lists;
 use crate::interpolation::black_box::Interpolation;
 use crate::kernel::mask::{Coverage, Mask, Unmasked};
+use crate::kernel::ordinary::check_range;
 use crate::kernel::traits::Kernel;
 use crate::numbers::traits::{Located, Point};
 use crate::octree::trees::Trees;
@@ -171,7 +172,8 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
     /// are at the same points in the same order, they share one tree.
     ///
     /// # Errors
-    /// If a coordinate is not finite, the points extend too far for their precision, the leaf size is
+    /// If a coordinate is not finite, the points extend too far for their precision, or so far or so little that the
+    /// precision has no digits for what the [kernel](Kernel::sizes) gives between them, the leaf size is
     /// zero, a pair is said to take no time, the kernel's sizes don't belong together, the mask gives no share
     /// from 0 to 1, the plan would need more memory than it may, or the expansion can't meet its tolerance or
     /// order, or if `FARFIELD_DISPATCH` does not name a [`DispatchLevel`].
@@ -186,6 +188,7 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
         let (mut clock, mut times) = (Clock::start(), BuildTimes::default());
         self.report(Phase::Tree, 0.0);
         let mut trees = self.trees(sources, targets)?;
+        check_range(self.expansion.kernel(), sources, targets)?;
         self.report(Phase::Tree, 1.0);
         clock.lap(&mut times.tree);
 
