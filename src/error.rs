@@ -114,6 +114,18 @@ pub enum Error {
         /// The numbers of the type.
         found: usize,
     },
+    /// Derivatives are asked for where the kernel has none: a target and a source are at one place, and the kernel counts
+    /// such pairs.
+    #[error(
+        "target {target} and source {from} are at one place, where the kernel has no derivatives: expected such pairs \
+         to be skipped or to count as a number, or values alone"
+    )]
+    NotDifferentiable {
+        /// The target's index in the caller's order.
+        target: usize,
+        /// The source's index in the caller's order.
+        from: usize,
+    },
     /// Charges are lists of any length, and nothing says how many right-hand sides they hold.
     #[error(
         "charges are lists of numbers: expected the kernel to say how many right-hand sides they hold \
@@ -214,6 +226,9 @@ pub enum Error {
         /// The number given.
         found: f64,
     },
+    /// A [`Watch`](crate::Watch) said that the work shall end.
+    #[error("stopped")]
+    Stopped,
     /// A leaf size of zero.
     #[error("leaf size 0: expected at least 1 point per leaf")]
     InvalidLeafSize,

@@ -4,7 +4,7 @@ use pulp::{Simd, WithSimd};
 
 use crate::dispatch_level::dispatch;
 use crate::kernel::formula::{Formula, FormulaEntry};
-use crate::kernel::ordinary::{OrdinaryDistances, squared_distance};
+use crate::kernel::ordinary::{OrdinaryDistances, square_of};
 use crate::kernel::outermost::{PLACES, Spread, are_ordinary};
 use crate::kernel::side_by_side::{Evaluator, Points, scalar};
 use crate::kernel::traits::Kernel;
@@ -182,7 +182,7 @@ impl<F: Formula, Y: Located, S: Scalar<Real = Y::Real>> One<'_, F, Y, S> {
                 let [x0, x1, x2] = x.at(lane);
                 let mut entry = [FormulaEntry::<W>::zero()];
                 self.formula.entries(W::at::<F::Of>([x0, x1, x2], y), &mut entry);
-                let (square, coincident) = squared_distance([x0, x1, x2], y);
+                let (square, coincident) = square_of([x0, x1, x2], y);
                 spread.add(lane, square, coincident);
                 for (part, sum) in sums.iter_mut().enumerate().take(W::PARTS) {
                     let found = entry[0].parts()[0].part(part);

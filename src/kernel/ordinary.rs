@@ -75,7 +75,7 @@ impl<T: Real> Default for OrdinaryDistances<T> {
 
 /// d = x − y, r² = |d|² and whether the points coincide.
 #[inline(always)]
-pub(super) fn squared_distance<T: Real>(x: [T; 3], y: [T; 3]) -> (T, bool) {
+pub(super) fn square_of<T: Real>(x: [T; 3], y: [T; 3]) -> (T, bool) {
     let [a, b, c] = [x[0] - y[0], x[1] - y[1], x[2] - y[2]];
     (a * a + b * b + c * c, (x[0] == y[0]) & (x[1] == y[1]) & (x[2] == y[2]))
 }

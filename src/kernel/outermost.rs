@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use crate::kernel::formula::{Formula, FormulaEntry};
-use crate::kernel::ordinary::{OrdinaryDistances, outermost, squared_distance};
+use crate::kernel::ordinary::{OrdinaryDistances, outermost, square_of};
 use crate::kernel::wide::{Whole, Wide};
 use crate::numbers::extended::Extended;
 use crate::numbers::traits::{Point, Real, Scalar, Vector};
@@ -21,7 +21,7 @@ pub(super) fn spread<T: Real>(
 ) -> [T; 2] {
     let mut spread = Spread::new();
     for lane in places {
-        let (square, coincident) = squared_distance(x(lane), y(lane));
+        let (square, coincident) = square_of(x(lane), y(lane));
         spread.add(lane, square, coincident);
     }
     spread.ends()
