@@ -60,6 +60,17 @@ pub enum Error {
     /// The kernel is NaN or infinite between points of well-separated cells.
     #[error("the kernel is not finite between well-separated points: expected a finite number")]
     NonFiniteKernel,
+    /// Between points that extend so far, or so little, the kernel's numbers are beyond the range of the precision.
+    #[error(
+        "between points that extend over {extent:e} most numbers of the kernel are too small for {precision}: \
+         expected points in other units, or another precision"
+    )]
+    KernelOutOfRange {
+        /// The largest edge of the bounding box of all points.
+        extent: f64,
+        /// The precision, `f32` or `f64`.
+        precision: &'static str,
+    },
     /// Two inputs that belong together have different lengths.
     #[error("{what}: expected {expected} entries, found {found}")]
     LengthMismatch {
@@ -102,6 +113,18 @@ pub enum Error {
         expected: usize,
         /// The numbers of the type.
         found: usize,
+    },
+    /// Derivatives are asked for where the kernel has none: a target and a source are at one place, and the kernel counts
+    /// such pairs.
+    #[error(
+        "target {target} and source {from} are at one place, where the kernel has no derivatives: expected such pairs \
+         to be skipped or to count as a number, or values alone"
+    )]
+    NotDifferentiable {
+        /// The target's index in the caller's order.
+        target: usize,
+        /// The source's index in the caller's order.
+        from: usize,
     },
     /// Charges are lists of any length, and nothing says how many right-hand sides they hold.
     #[error(
@@ -203,6 +226,9 @@ pub enum Error {
         /// The number given.
         found: f64,
     },
+    /// A [`Watch`](crate::Watch) said that the work shall end.
+    #[error("stopped")]
+    Stopped,
     /// A leaf size of zero.
     #[error("leaf size 0: expected at least 1 point per leaf")]
     InvalidLeafSize,

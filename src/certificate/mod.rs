@@ -14,6 +14,7 @@ use crate::expansion::{ChargeOf, Expansion, RealOf, ValueOf};
 use crate::numbers::random::Random;
 use crate::numbers::traits::{Numbers, Real, l2_norm};
 use crate::parallel;
+use crate::parallel::watch::Watch;
 use crate::plan::fmm::{Fmm, check_values};
 
 /// How far a sum is from the exact one over all targets, by direct sums at some of them.
@@ -104,7 +105,7 @@ impl<E: Expansion> Fmm<E> {
     ) -> Result<(Vec<ValueOf<E>>, Certificate), Error> {
         sampling.check()?;
         self.check_charges(charges)?;
-        let ready = self.plan_for(charges);
+        let ready = self.plan_for(charges, &Watch::default())?;
         let plan = &ready.plan;
         ready.with_workspace(|workspace| {
             let far = plan.run_parted(charges, workspace);

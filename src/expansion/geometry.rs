@@ -3,6 +3,7 @@
 use crate::expansion::admissibility::Admissibility;
 use crate::numbers::traits::{Point, Real};
 use crate::octree::geometry::Cube;
+use crate::parallel::watch::Watch;
 
 /// What a plan will ask of its expansion.
 #[derive(Clone, Debug, PartialEq)]
@@ -28,6 +29,9 @@ pub struct Geometry<T: Real> {
     pub sources: Vec<Point<T>>,
     /// Likewise of the targets.
     pub targets: Vec<Point<T>>,
+    /// Whoever prepares something long looks here now and then whether it shall end, and refuses with
+    /// [`Error::Stopped`](crate::Error::Stopped) then.
+    pub watch: Watch,
 }
 
 /// One level of a plan.
@@ -93,6 +97,7 @@ impl<T: Real> Geometry<T> {
             pair_seconds: 0.0,
             sources,
             targets,
+            watch: Watch::default(),
         }
     }
 

@@ -7,6 +7,7 @@ use crate::octree::geometry::Cell;
 use crate::octree::shape::Node;
 use crate::octree::tree::Tree;
 use crate::parallel;
+use crate::parallel::watch::Watch;
 
 /// The cells of one level and their children, between which expansions are shifted.
 #[derive(Clone, Copy, Debug)]
@@ -23,12 +24,18 @@ pub struct LevelFamilies<'a, T: Real> {
     pub(crate) first_child: usize,
     /// For every node, whether it has the expansion.
     pub(crate) expanded: &'a [bool],
+    pub(crate) watch: &'a Watch,
 }
 
 impl<'a, T: Real> LevelFamilies<'a, T> {
     /// The cells of `level` and of the next; `expanded` says for every cell of the tree whether it has an
     /// expansion.
-    pub(crate) fn new(tree: &'a Tree<T>, level: usize, expanded: &'a [bool]) -> Self {
+    pub(crate) fn new(
+        tree: &'a Tree<T>,
+        level: usize,
+        expanded: &'a [bool],
+        watch: &'a Watch,
+    ) -> Self {
         let [parents, children] = [tree.shape.level(level), tree.shape.level(level + 1)];
         Self {
             level,
@@ -38,6 +45,7 @@ impl<'a, T: Real> LevelFamilies<'a, T> {
             first_parent: parents.start,
             first_child: children.start,
             expanded,
+            watch,
         }
     }
 
@@ -60,6 +68,11 @@ impl<'a, T: Real> LevelFamilies<'a, T> {
         self.expanded[p].then(|| p - self.first_parent)
     }
 
+    /// Whether the application shall end: whoever shifts many cells looks here now and then.
+    pub fn is_stopped(&self) -> bool {
+        self.watch.is_stopped()
+    }
+
     /// Calls `visit(p, c, terms of p)` for all children of each parent in order: parents in parallel.
     pub fn for_each_parent<M: Send>(
         &self,
@@ -68,7 +81,9 @@ impl<'a, T: Real> LevelFamilies<'a, T> {
     ) {
         let len = multipoles.len() / self.parents.len().max(1);
         parallel::for_each_piece(multipoles, len, &|p, multipole| {
-            self.children_of(p).for_each(|c| visit(p, c, multipole));
+            if !self.is_stopped() {
+                self.children_of(p).for_each(|c| visit(p, c, multipole));
+            }
         });
     }
 
@@ -80,7 +95,7 @@ impl<'a, T: Real> LevelFamilies<'a, T> {
     ) {
         let len = locals.len() / self.children.len().max(1);
         parallel::for_each_piece(locals, len, &|c, local| {
-            if let Some(p) = self.parent_of(c) {
+            if let Some(p) = self.parent_of(c).filter(|_| !self.is_stopped()) {
                 visit(p, c, local);
             }
         });
@@ -105,6 +120,7 @@ pub struct LevelPairs<'a, T: Real> {
     pub(crate) list: &'a [u32],
     /// The tree's index of `sources[0]`.
     pub(crate) first_source: usize,
+    pub(crate) watch: &'a Watch,
 }
 
 impl<T: Real> LevelPairs<'_, T> {
@@ -112,6 +128,11 @@ impl<T: Real> LevelPairs<'_, T> {
     pub fn sources_of(&self, t: usize) -> impl ExactSizeIterator<Item = usize> {
         let list = &self.list[self.starts[t]..self.starts[t + 1]];
         list.iter().map(|&s| s as usize - self.first_source)
+    }
+
+    /// Whether the application shall end: whoever translates many cells looks here now and then.
+    pub fn is_stopped(&self) -> bool {
+        self.watch.is_stopped()
     }
 
     /// Calls `visit(s, t, terms of t)` for every pair: target cells in parallel, the sources of each in
@@ -123,7 +144,8 @@ impl<T: Real> LevelPairs<'_, T> {
     ) {
         let len = locals.len() / self.targets.len().max(1);
         parallel::for_each_piece(locals, len, &|t, local| {
-            self.sources_of(t).for_each(|s| visit(s, t, local));
+            let sources = self.sources_of(t).take_while(|_| !self.is_stopped());
+            sources.for_each(|s| visit(s, t, local));
         });
     }
 }

@@ -11,6 +11,7 @@ use crate::numbers::traits::Located;
 use crate::octree::shape::Shape;
 use crate::octree::tree::Tree;
 use crate::parallel;
+use crate::parallel::watch::Watch;
 
 /// A mask that is asked about cells of the target tree and cells of the source tree.
 pub(crate) trait CellMask: Sync {
@@ -116,11 +117,15 @@ pub(crate) fn ask_all(
     count: &(dyn Fn(u32) -> usize + Sync),
     partial: &[PartialPair],
     progress: &(dyn Fn(f64) + Sync),
+    watch: &Watch,
 ) -> Vec<Answer> {
     let is_mirrored = mask.is_mirrored();
     let asked = if is_mirrored { without_images(partial) } else { partial.to_vec() };
     let done = std::sync::atomic::AtomicUsize::new(0);
     let answer = |pair: &PartialPair| {
+        if watch.is_stopped() {
+            return Answer::Empty;
+        }
         let answer = mask.pairs(pair.target, pair.source);
         let done = done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1;
         if done.is_multiple_of(PROGRESS_STEP) || done == asked.len() {

@@ -19,6 +19,7 @@ use crate::octree::geometry::{Cell, MAX_OFFSET};
 use crate::octree::shape::Node;
 use crate::octree::tree::Tree;
 use crate::parallel;
+use crate::parallel::watch::Watch;
 
 /// What expansions do for pairs of cells that are well separated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,6 +40,8 @@ pub(crate) struct Traversal<'a, T: Real> {
     pub(crate) far: Far,
     /// Which well-separated cells expansions carry.
     pub(crate) admissibility: &'a Admissibility,
+    /// Once it is stopped, what is found is not used.
+    pub(crate) watch: &'a Watch,
 }
 
 /// A source cell that a target cell has to settle with.
@@ -86,7 +89,7 @@ impl<T: Real> Traversal<'_, T> {
         let (mut lists, partial) = self.run();
         if !partial.is_empty() {
             let count = |cell: u32| self.targets.shape.nodes[cell as usize].count();
-            let answers = ask_all(self.mask, &count, &partial, progress);
+            let answers = ask_all(self.mask, &count, &partial, progress, self.watch);
             fill_in(&mut lists, &self.targets.shape, &partial, answers)?;
         }
         Ok(lists)
@@ -113,6 +116,9 @@ impl<T: Real> Traversal<'_, T> {
                 let first = cells.start + part * stretch;
                 let (mut found, mut near) = (Found::default(), Vec::new());
                 for t in first..(first + stretch).min(cells.end) {
+                    if self.watch.is_stopped() {
+                        break;
+                    }
                     let parent = shape.nodes[t].parent as usize;
                     let candidates = open.of(parent - first_parent);
                     self.visit(t as u32, candidates, &mut near, &mut found);
@@ -122,6 +128,9 @@ impl<T: Real> Traversal<'_, T> {
             open = join_open(&mut parts);
             offsets.push(OffsetSet::ascending(parts.iter().map(|part| &part.offsets)));
             found.append(&mut parts);
+            if self.watch.is_stopped() {
+                return (join(found, offsets).0, Vec::new());
+            }
         }
         join(found, offsets)
     }

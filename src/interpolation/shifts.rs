@@ -56,6 +56,9 @@ impl<K: Kernel> Interpolation<K> {
         let lens = [self.multipole_len(level + 1), self.multipole_len(level)];
         let parents = SHIFTED_TOGETHER / 8;
         parallel::for_each_piece(to, parents * lens[1], &|task, to| {
+            if families.is_stopped() {
+                return;
+            }
             self.shifted.with(Shifted::default, |shifted| {
                 shifted.moves.clear();
                 for to in 0..to.len() / lens[1] {
@@ -86,6 +89,9 @@ impl<K: Kernel> Interpolation<K> {
             });
         };
         parallel::for_each_piece(to, SHIFTED_TOGETHER * lens[1], &|task, to| {
+            if families.is_stopped() {
+                return;
+            }
             self.shifted.with(Shifted::default, |shifted| {
                 shifted.moves.clear();
                 shifted.moves.extend((0..to.len() / lens[1]).filter_map(|to| {

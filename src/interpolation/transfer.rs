@@ -141,6 +141,9 @@ impl<S: Scalar> Transfers<S> {
         self.sent.with(Sent::default, |sent| {
             self.send(pairs, columns, from_len, multipoles, sent);
             parallel::for_each_piece(locals, task_cells * to_len, &|task, to| {
+                if pairs.is_stopped() {
+                    return;
+                }
                 let first = task * task_cells;
                 self.buffers.with(Buffers::default, |buffers| {
                     self.sort(pairs, first, to.len() / to_len, buffers, |s, t| {
@@ -185,6 +188,9 @@ impl<S: Scalar> Transfers<S> {
         let inputs =
             multipoles.par_chunks(EXCHANGE_BLOCK * from_len).zip(wanted.par_chunks(EXCHANGE_BLOCK));
         outputs.zip(inputs).for_each(|((full, single), (multipoles, wanted))| {
+            if pairs.is_stopped() {
+                return;
+            }
             self.buffers.with(Buffers::default, |buffers| {
                 let Buffers { full: in_full, single: in_single, .. } = buffers;
                 if self.coordinates[0] > 0 {
@@ -360,6 +366,7 @@ mod tests {
     use crate::interpolation::far_field::FarField;
     use crate::interpolation::scale::Scale;
     use crate::octree::geometry::{Cell, Cube};
+    use crate::parallel::watch::Watch;
     use glam::DVec3;
     use std::sync::Arc;
 
@@ -392,6 +399,7 @@ mod tests {
                     starts: &[0, 1],
                     list: &[0],
                     first_source: 0,
+                    watch: &Watch::default(),
                 };
                 let mut level = vec![0.0; m.len()];
                 transfers.add_level(&pairs, 2.0, 2, &m, &mut level, &|_, _, _| unreachable!());

@@ -6,6 +6,7 @@ use crate::error::Error;
 use crate::expansion::geometry::Geometry;
 use crate::interpolation::tuning::{ENTRY_PAIRS, PROBING_SHARE, SET_UP_FLOPS};
 use crate::numbers::traits::Real;
+use crate::parallel::watch::Watch;
 
 /// Counts what set-up costs and ends it when that is more than it may.
 ///
@@ -14,6 +15,7 @@ use crate::numbers::traits::Real;
 /// that can't be afforded.
 #[derive(Debug)]
 pub(crate) struct Work {
+    watch: Watch,
     /// Core seconds.
     limit: f64,
     /// Core seconds before the counts below.
@@ -32,6 +34,7 @@ impl Work {
     /// What a plan of that geometry may cost if so many core seconds have gone into it before.
     pub(crate) fn new<T: Real>(geometry: &Geometry<T>, spent: f64) -> Self {
         Self {
+            watch: geometry.watch.clone(),
             limit: geometry.most_seconds,
             spent,
             apply_limit: geometry.most_apply_seconds,
@@ -55,7 +58,7 @@ impl Work {
     /// are too many.
     ///
     /// # Errors
-    /// [`Error::OverWork`].
+    /// [`Error::OverWork`], or [`Error::Stopped`].
     pub(crate) fn spend(&self, multiply_adds: f64) -> Result<(), Error> {
         self.afford(0.0, multiply_adds)?;
         self.add_products(multiply_adds);
@@ -66,7 +69,7 @@ impl Work {
     /// what that may.
     ///
     /// # Errors
-    /// [`Error::OverWork`].
+    /// [`Error::OverWork`], or [`Error::Stopped`].
     pub(crate) fn afford_probes(&self, evaluations: f64, multiply_adds: f64) -> Result<(), Error> {
         self.within(PROBING_SHARE, evaluations, multiply_adds)
     }
@@ -74,7 +77,7 @@ impl Work {
     /// Whether so many evaluations and multiply-adds can still be afforded.
     ///
     /// # Errors
-    /// [`Error::OverWork`].
+    /// [`Error::OverWork`], or [`Error::Stopped`].
     pub(crate) fn afford(&self, evaluations: f64, multiply_adds: f64) -> Result<(), Error> {
         self.within(1.0, evaluations, multiply_adds)
     }
@@ -82,7 +85,7 @@ impl Work {
     /// Whether an application can afford so many evaluations.
     ///
     /// # Errors
-    /// [`Error::OverWork`].
+    /// [`Error::OverWork`], or [`Error::Stopped`].
     pub(crate) fn afford_application(&self, evaluations: f64) -> Result<(), Error> {
         let (limit, needed) = (self.apply_limit, evaluations * self.evaluation);
         if needed <= limit { Ok(()) } else { Err(Error::OverWork { limit, needed }) }
@@ -90,6 +93,7 @@ impl Work {
 
     /// Whether they fit, beside what has been counted, into a share of the limit.
     fn within(&self, share: f64, evaluations: f64, multiply_adds: f64) -> Result<(), Error> {
+        self.watch.check()?;
         let more = evaluations * self.evaluation + multiply_adds / SET_UP_FLOPS;
         let (limit, needed) = (self.limit, (self.seconds() + more) / share);
         if needed <= limit { Ok(()) } else { Err(Error::OverWork { limit, needed }) }

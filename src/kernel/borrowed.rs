@@ -74,6 +74,10 @@ impl<K: Kernel> Kernel for &K {
         (**self).pair_seconds(tolerance)
     }
 
+    fn sizes(&self, x: Point<K::Real>, y: Point<K::Real>) -> Option<[f64; 2]> {
+        (**self).sizes(x, y)
+    }
+
     #[inline(always)]
     fn entry_gradients(
         &self,

@@ -2,9 +2,11 @@
 
 use crate::dispatch_level::DispatchLevel;
 use crate::error::Error;
+use crate::kernel::ordinary::check_range;
 use crate::kernel::traits::Kernel;
 use crate::numbers::traits::{Numbers, l2_norm};
 use crate::parallel;
+use crate::parallel::watch::{Phase, Watch};
 
 /// Direct summation u_i = Σ_j K(x_i, y_j) q_j over all pairs, in parallel over targets, each sum in
 /// the order of the sources. O(N·M).
@@ -12,21 +14,43 @@ use crate::parallel;
 /// # Errors
 /// [`Error::LengthMismatch`] if there is not one charge per source; those of
 /// [`Kernel::check_sizes`]; [`Error::ChargeTooLong`] if a charge
-/// is a list of more numbers than the kernel takes.
+/// is a list of more numbers than the kernel takes; [`Error::KernelOutOfRange`] if points extend so far, or so little,
+/// that what the kernel gives between most of them is too small for its precision.
 pub fn direct<K: Kernel>(
     kernel: &K,
     sources: &[K::Source],
     charges: &[K::Charge],
     targets: &[K::Target],
 ) -> Result<Vec<K::Value>, Error> {
+    direct_watched(kernel, sources, charges, targets, &Watch::default())
+}
+
+/// The same sums as [`direct`], to the bit, while a watch looks on that can stop them.
+///
+/// # Errors
+/// As [`direct`], or [`Error::Stopped`].
+pub fn direct_watched<K: Kernel>(
+    kernel: &K,
+    sources: &[K::Source],
+    charges: &[K::Charge],
+    targets: &[K::Target],
+    watch: &Watch,
+) -> Result<Vec<K::Value>, Error> {
     check_charges(kernel, sources.len(), charges)?;
+    check_range(kernel, sources, targets)?;
     let mut values = vec![K::Value::zero(); targets.len()];
+    watch.begin(Phase::Values, targets.len());
     parallel::for_each_piece(&mut values, DIRECT_BLOCK, &|block, us| {
         let xs = &targets[DIRECT_BLOCK * block..][..us.len()];
         for (ys, qs) in sources.chunks(DIRECT_RUN).zip(charges.chunks(DIRECT_RUN)) {
+            if watch.is_stopped() {
+                return;
+            }
             kernel.add_block(xs, ys, qs, 0.0, us);
         }
+        watch.advance(us.len());
     });
+    watch.check()?;
     Ok(values)
 }
 

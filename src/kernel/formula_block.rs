@@ -4,8 +4,11 @@ use pulp::{Simd, WithSimd};
 
 use crate::dispatch_level::dispatch;
 use crate::kernel::formula::{Formula, FormulaEntry};
-use crate::kernel::side_by_side::{Evaluator, Near, PLACES, Points, Wide, scalar};
+use crate::kernel::ordinary::{OrdinaryDistances, square_of};
+use crate::kernel::outermost::{PLACES, Spread, are_ordinary};
+use crate::kernel::side_by_side::{Evaluator, Points, scalar};
 use crate::kernel::traits::Kernel;
+use crate::kernel::wide::{Near, Wide};
 use crate::numbers::dual::Dual;
 use crate::numbers::traits::{Located, Numbers, Real, Scalar, Vector};
 
@@ -78,11 +81,19 @@ impl<K: Kernel, F: Formula> FormulaBlock<'_, K, F> {
         let Self { kernel, formula, skip_coincident, xs, ys, qs, us } = self;
         let sent = sent(kernel, ys, qs);
         let sources = One { formula, skip_coincident, ys, sent: &sent };
+        let mut ordinary = OrdinaryDistances::new();
         for (xs, us) in xs.chunks(PLACES).zip(us.chunks_mut(PLACES)) {
             let places = Points::new(xs);
-            let (mut sums, wrong) = sources.sums::<W>(&places);
+            let (mut sums, wrong, [least, greatest]) = sources.sums::<W>(&places);
             if wrong {
-                sums = sources.far_sums::<W::Far>(&places);
+                sums = sources.sums_anew::<W::Far>(&places);
+            }
+            if !ordinary.hold(least, greatest) {
+                if sources.are_ordinary::<W>(&places) {
+                    ordinary.widen(least, greatest);
+                } else {
+                    sums = sources.sums_anew::<W::Extended>(&places);
+                }
             }
             for (lane, (x, u)) in xs.iter().zip(us).enumerate() {
                 let [value, slope @ ..] = sums.map(|sum| K::Entry::from_real(sum[lane]));
@@ -158,19 +169,21 @@ struct One<'a, F, Y, S> {
 type Sums<T> = [[T; PLACES]; 4];
 
 impl<F: Formula, Y: Located, S: Scalar<Real = Y::Real>> One<'_, F, Y, S> {
-    /// The sums for some targets, and whether they are wrong because an angle is too large.
+    /// The sums for some targets, whether they are wrong because an angle is too large, and the least and the greatest
+    /// r² of points that don't coincide.
     #[inline(always)]
-    fn sums<W: Wide<Y::Real>>(&self, x: &Points<Y::Real>) -> (Sums<Y::Real>, bool) {
+    fn sums<W: Wide<Y::Real>>(&self, x: &Points<Y::Real>) -> (Sums<Y::Real>, bool, [Y::Real; 2]) {
         let zero = Y::Real::from_f64(0.0);
         let mut sums = [[zero; PLACES]; 4];
-        let mut wrong = false;
+        let (mut wrong, mut spread) = (false, Spread::new());
         for (y, d) in self.ys.iter().zip(self.sent) {
             let (y, [d, _]) = (y.position().to_array(), d.parts());
             for lane in x.places() {
                 let [x0, x1, x2] = x.at(lane);
                 let mut entry = [FormulaEntry::<W>::zero()];
                 self.formula.entries(W::at::<F::Of>([x0, x1, x2], y), &mut entry);
-                let coincident = (x0 == y[0]) & (x1 == y[1]) & (x2 == y[2]);
+                let (square, coincident) = square_of([x0, x1, x2], y);
+                spread.add(lane, square, coincident);
                 for (part, sum) in sums.iter_mut().enumerate().take(W::PARTS) {
                     let found = entry[0].parts()[0].part(part);
                     let k = if self.skip_coincident & coincident { zero } else { found.value };
@@ -179,12 +192,20 @@ impl<F: Formula, Y: Located, S: Scalar<Real = Y::Real>> One<'_, F, Y, S> {
                 }
             }
         }
-        (sums, wrong)
+        (sums, wrong, spread.ends())
     }
 
-    /// As [`sums`](Self::sums), for angles of any size.
+    /// As [`sums`](Self::sums), in numbers that are right for all pairs.
     #[inline(never)]
-    fn far_sums<W: Wide<Y::Real>>(&self, x: &Points<Y::Real>) -> Sums<Y::Real> {
+    fn sums_anew<W: Wide<Y::Real>>(&self, x: &Points<Y::Real>) -> Sums<Y::Real> {
         self.sums::<W>(x).0
+    }
+
+    /// Whether plain numbers serve for the nearest and the farthest pair.
+    #[inline(never)]
+    fn are_ordinary<W: Wide<Y::Real>>(&self, x: &Points<Y::Real>) -> bool {
+        let ys = self.ys.iter().map(|y| y.position().to_array());
+        let pairs = ys.flat_map(|y| x.places().map(move |lane| (x.at(lane), y)));
+        are_ordinary::<W, F, S>(self.formula, pairs)
     }
 }

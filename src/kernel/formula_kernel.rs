@@ -8,9 +8,12 @@ use crate::kernel::derivatives::{Derivatives, WithHessian};
 use crate::kernel::formula::{Formula, FormulaEntry};
 use crate::kernel::formula_block::FormulaBlock;
 use crate::kernel::formula_cost::pair_seconds;
-use crate::kernel::side_by_side::{Near, entries_side_by_side, slopes};
+use crate::kernel::outermost::sizes;
+use crate::kernel::side_by_side::{entries_side_by_side, slopes};
 use crate::kernel::traits::{Kernel, Outcome, add_fields, check_densities, columns_of_a_charge};
+use crate::kernel::wide::Near;
 use crate::kernel::with_gradient::WithGradient;
+use crate::numbers::dual::Dual;
 use crate::numbers::traits::{Located, Numbers, Point, Scalar};
 
 /// The kernel of a [`Formula`] between bare points.
@@ -195,6 +198,17 @@ where
 
     fn pair_seconds(&self, _tolerance: f64) -> f64 {
         pair_seconds::<F, P::Real>(&self.formula, self.columns(), S::GRADIENTS)
+    }
+
+    fn sizes(&self, x: Point<P::Real>, y: Point<P::Real>) -> Option<[f64; 2]> {
+        if self.skip_coincident && x == y {
+            return Some([0.0; 2]);
+        }
+        Some(if S::GRADIENTS {
+            sizes::<Dual<Near<P::Real>>, F, Self::Entry>(&self.formula, x, y)
+        } else {
+            sizes::<Near<P::Real>, F, Self::Entry>(&self.formula, x, y)
+        })
     }
 
     fn entry_gradients(

@@ -5,20 +5,12 @@ use std::ops::Range;
 use pulp::{Simd, WithSimd};
 
 use crate::dispatch_level::dispatch_up_to_avx2;
-use crate::kernel::formula::{Form, Formula, FormulaEntry};
+use crate::kernel::formula::{Formula, FormulaEntry};
+use crate::kernel::ordinary::OrdinaryDistances;
+use crate::kernel::outermost::{PLACES, are_ordinary, spread};
+use crate::kernel::wide::{Near, Wide};
 use crate::numbers::dual::Dual;
-use crate::numbers::lane::Lane;
-use crate::numbers::number::{Coordinates, Number};
 use crate::numbers::traits::{Located, Point, Real, Scalar, Vector};
-
-/// Pairs that are worked on side by side, at most: enough for loops over them to cost little more than what
-/// they do.
-pub(super) const PLACES: usize = 32;
-
-/// The number that formulas are evaluated in, unless an angle of theirs is too large.
-pub(super) type Near<T> = Lane<T, false>;
-/// The number that formulas are evaluated in then.
-type Far<T> = Lane<T, true>;
 
 /// Writes the entries of all pairs of a block, as
 /// [`Kernel::entries_block`](crate::Kernel::entries_block) does.
@@ -38,15 +30,10 @@ pub(super) fn slopes<F: Formula, S: Scalar>(
     y: Point<S::Real>,
     g: &mut [[S; 3]],
 ) {
-    let mut entries = vec![FormulaEntry::zero(); g.len()];
-    let at = Dual::<Far<S::Real>>::at::<F::Of>(x.to_array(), y.to_array());
-    formula.entries(at, &mut entries);
-    for (g, entry) in g.iter_mut().zip(entries) {
-        let parts = entry.parts();
-        *g = [1, 2, 3].map(|part| {
-            let [re, im] = parts.map(|number| number.part(part).value);
-            S::from_parts(re, im)
-        });
+    let mut evaluator = Evaluator::<Dual<Near<S::Real>>, F, S>::new(formula);
+    evaluator.evaluate(0..1, |_| x.to_array(), |_| y.to_array());
+    for (g, numbers) in g.iter_mut().zip(evaluator.numbers.chunks_exact(4 * S::PARTS)) {
+        *g = [1, 2, 3].map(|part| scalar(numbers, part, 0));
     }
 }
 
@@ -100,6 +87,7 @@ pub(super) struct Evaluator<'a, W: Wide<S::Real>, F: Formula, S: Scalar> {
     formula: &'a F,
     /// The entries of one pair, if they are many.
     many: Vec<F::Entry<W>>,
+    ordinary: OrdinaryDistances<S::Real>,
     /// All numbers of all entries, each for all pairs: the real parts of an entry, then the imaginary ones.
     pub(super) numbers: Vec<[S::Real; PLACES]>,
 }
@@ -110,7 +98,7 @@ impl<'a, W: Wide<S::Real>, F: Formula, S: Scalar> Evaluator<'a, W, F, S> {
         let len = formula.fields() * formula.densities();
         let many = vec![FormulaEntry::zero(); if len > FEW { len } else { 0 }];
         let numbers = vec![[S::Real::from_f64(0.0); PLACES]; len * S::PARTS * W::PARTS];
-        Self { formula, many, numbers }
+        Self { formula, many, ordinary: OrdinaryDistances::new(), numbers }
     }
 
     /// Evaluates the formula for the pairs at some of the places.
@@ -121,9 +109,18 @@ impl<'a, W: Wide<S::Real>, F: Formula, S: Scalar> Evaluator<'a, W, F, S> {
         x: impl Fn(usize) -> [S::Real; 3],
         y: impl Fn(usize) -> [S::Real; 3],
     ) {
-        let Self { formula, many, numbers } = self;
+        let Self { formula, many, ordinary, numbers } = self;
         if fill::<W, F, S>(formula, many, numbers, places.clone(), &x, &y) {
-            fill_far::<W::Far, F, S>(formula, numbers, places, &x, &y);
+            fill_anew::<W::Far, F, S>(formula, numbers, places.clone(), &x, &y);
+        }
+        let [least, greatest] = spread(places.clone(), &x, &y);
+        if !ordinary.hold(least, greatest) {
+            let pairs = places.clone().map(|lane| (x(lane), y(lane)));
+            if are_ordinary::<W, F, S>(formula, pairs) {
+                ordinary.widen(least, greatest);
+            } else {
+                fill_anew::<W::Extended, F, S>(formula, numbers, places, &x, &y);
+            }
         }
     }
 
@@ -179,9 +176,9 @@ fn fill<W: Wide<S::Real>, F: Formula, S: Scalar>(
     wrong
 }
 
-/// As [`fill`], for angles of any size.
+/// As [`fill`], in numbers that are right for all pairs.
 #[inline(never)]
-fn fill_far<W: Wide<S::Real>, F: Formula, S: Scalar>(
+fn fill_anew<W: Wide<S::Real>, F: Formula, S: Scalar>(
     formula: &F,
     numbers: &mut [[S::Real; PLACES]],
     places: Range<usize>,
@@ -198,50 +195,6 @@ pub(super) fn scalar<S: Scalar>(numbers: &[[S::Real; PLACES]], part: usize, lane
     let imaginary = numbers.len() / S::PARTS + part;
     let im = if S::COMPLEX { numbers[imaginary][lane] } else { S::Real::from_f64(0.0) };
     S::from_parts(numbers[part][lane], im)
-}
-
-/// Numbers that formulas are evaluated in: with derivatives or without.
-pub(super) trait Wide<T: Real>: Number<Real = T> {
-    /// 1, or 4 with derivatives.
-    const PARTS: usize;
-    /// The same for angles of any size.
-    type Far: Wide<T>;
-    /// The argument of a formula.
-    fn at<O: Form>(x: [T; 3], y: [T; 3]) -> O::At<Self>;
-    /// The value, or a derivative.
-    fn part(&self, part: usize) -> Near<T>;
-}
-
-impl<T: Real, const FAR: bool> Wide<T> for Lane<T, FAR> {
-    const PARTS: usize = 1;
-    type Far = Far<T>;
-    #[inline(always)]
-    fn at<O: Form>(x: [T; 3], y: [T; 3]) -> O::At<Self> {
-        O::at(coordinates(x), coordinates(y))
-    }
-    #[inline(always)]
-    fn part(&self, _: usize) -> Near<T> {
-        Lane { value: self.value, wrong: self.wrong }
-    }
-}
-
-impl<T: Real, const FAR: bool> Wide<T> for Dual<Lane<T, FAR>> {
-    const PARTS: usize = 4;
-    type Far = Dual<Far<T>>;
-    #[inline(always)]
-    fn at<O: Form>(x: [T; 3], y: [T; 3]) -> O::At<Self> {
-        O::with_derivatives(O::at(coordinates(x), coordinates(y)))
-    }
-    #[inline(always)]
-    fn part(&self, part: usize) -> Near<T> {
-        if part == 0 { self.value.part(0) } else { self.slope[part - 1].part(0) }
-    }
-}
-
-#[inline(always)]
-fn coordinates<T: Real, const FAR: bool>(p: [T; 3]) -> Coordinates<Lane<T, FAR>> {
-    let [x, y, z] = p.map(Lane::new);
-    Coordinates { x, y, z }
 }
 
 /// Points side by side.

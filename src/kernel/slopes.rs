@@ -36,8 +36,8 @@ fn differences<K: Kernel>(
     y: Point<K::Real>,
     slopes: &mut [[K::Entry; 3]],
 ) {
-    let [dx, dy, dz] = (x - y).to_array();
-    let step = (dx * dx + dy * dy + dz * dz).sqrt() * K::Real::epsilon().cbrt();
+    let d = (x - y).to_array();
+    let step = d.into_iter().fold(K::Real::from_f64(0.0), Float::hypot) * K::Real::epsilon().cbrt();
     let mut sides = vec![<K::Entry as Numbers>::zero(); 2 * slopes.len()];
     for axis in 0..3 {
         let mut along = [K::Real::from_f64(0.0); 3];

@@ -152,6 +152,14 @@ pub trait Kernel: Send + Sync {
         Outcome::Declined
     }
 
+    /// The largest |G(x, y)| and, if the kernel [needs gradients](Self::needs_gradients), the largest |∂G(x, y)/∂x|
+    /// (0 otherwise), as far as double precision reaches; 0 only where they are zero. Before sums over points that
+    /// extend very far, or very little, some pairs are asked: if the precision of the kernel is lost on most of
+    /// what it gives there, the sum is [refused](Error::KernelOutOfRange). `None` if the kernel doesn't know.
+    fn sizes(&self, _x: Point<Self::Real>, _y: Point<Self::Real>) -> Option<[f64; 2]> {
+        None
+    }
+
     /// Writes G(x_i, y_j) for all pairs of a block into `g`: the entries of the pair (i, j) start at
     /// (i · `ys.len()` + j) · fields · densities.
     ///

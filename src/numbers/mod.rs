@@ -4,6 +4,7 @@ pub(crate) mod bits;
 pub(crate) mod counted;
 pub(crate) mod double_word;
 pub(crate) mod dual;
+pub(crate) mod extended;
 pub(crate) mod lane;
 pub mod math;
 pub(crate) mod number;

@@ -78,6 +78,7 @@ mod tests {
     use crate::error::PointSet;
     use crate::octree::geometry::Cell;
     use crate::octree::tree::Tree;
+    use crate::parallel::watch::Watch;
     use glam::DVec3;
 
     fn bounds(points: &[DVec3]) -> Bounds<f64> {
@@ -106,7 +107,7 @@ mod tests {
     fn a_cloud_is_divided_as_if_nothing_were_far_away() {
         let points = cloud(3000);
         let alone = bounds(&points).root_cube().unwrap();
-        let cells = Tree::new(&alone, &points, 10).cells.len();
+        let cells = Tree::new(&alone, &points, 10, &Watch::default()).unwrap().cells.len();
         for extents in [1e5, 1e9, 1e13] {
             for away in [DVec3::new(0.7, 0.9, 0.3), DVec3::new(-0.7, 0.1, -1.0), -DVec3::Y] {
                 let mut all = points.clone();
@@ -124,7 +125,7 @@ mod tests {
                 let cell = Cell::new(&root, levels as usize, [last; 3]);
                 assert_eq!(cell.half_width(), alone.half_width());
                 assert!((cell.centre() - alone.centre()).abs().max_element() < 1e-14);
-                let tree = Tree::new(&root, &all, 10);
+                let tree = Tree::new(&root, &all, 10, &Watch::default()).unwrap();
                 assert!(tree.cells.len() < cells + 4 * levels as usize, "{}", tree.cells.len());
             }
         }

@@ -6,6 +6,7 @@ use crate::octree::geometry::{Cell, Cube, MAX_LEVEL};
 use crate::octree::morton::{KEY_LEVELS, Keyed, morton_key};
 use crate::octree::shape::{Places, Shape, key};
 use crate::parallel;
+use crate::parallel::watch::Watch;
 
 /// An octree over one set of points.
 #[derive(Clone, Debug)]
@@ -18,11 +19,15 @@ pub(crate) struct Tree<T: Real> {
 
 impl<T: Real> Tree<T> {
     /// Sorts `points` into cells of at most `leaf_size` points, as [`Shape::new`] does.
+    ///
+    /// # Errors
+    /// [`Error::Stopped`].
     pub(crate) fn new<P: Located<Real = T>>(
         root: &Cube<T>,
         points: &[P],
         leaf_size: usize,
-    ) -> Self {
+        watch: &Watch,
+    ) -> Result<Self, Error> {
         let position = |i: usize| points[i].position();
         let rounded: Places<'_> =
             &|i| root.locate(position(i as usize)).map(|c| c << (MAX_LEVEL - KEY_LEVELS));
@@ -32,7 +37,9 @@ impl<T: Real> Tree<T> {
             let key = morton_key(root.locate(position(i)));
             Keyed { key, index: i as u32 }
         });
+        watch.check()?;
         let mut shape = Shape::new(keyed, places, leaf_size, KEY_LEVELS);
+        watch.check()?;
         // Few clouds need digits beyond the first key, and those that do need all of them right.
         if shape.can_be_divided(exact, leaf_size) {
             places = exact;
@@ -42,12 +49,13 @@ impl<T: Real> Tree<T> {
             });
             shape = Shape::new(keyed, places, leaf_size, root.deepest_level());
         }
+        watch.check()?;
         let cells = parallel::map(shape.nodes.len(), &|c| {
             let node = &shape.nodes[c];
             let place = places(shape.order[node.points().start]);
             Cell::new(root, node.level(), place.map(|c| c >> (MAX_LEVEL - node.level())))
         });
-        Self { shape, cells }
+        Ok(Self { shape, cells })
     }
 
     /// Its size in memory.
@@ -184,13 +192,13 @@ mod tests {
     }
 
     fn build(points: &[DVec3], leaf_size: usize) -> Tree<f64> {
-        Tree::new(&root(points), points, leaf_size)
+        Tree::new(&root(points), points, leaf_size, &Watch::default()).unwrap()
     }
 
     /// A tree of which everything holds that trees promise.
     fn checked<P: Located>(points: &[P], leaf_size: usize) -> Tree<P::Real> {
         let root = root(points);
-        let tree = Tree::new(&root, points, leaf_size);
+        let tree = Tree::new(&root, points, leaf_size, &Watch::default()).unwrap();
         let Tree { shape, cells } = &tree;
         let mut order = shape.order.clone();
         order.sort_unstable();

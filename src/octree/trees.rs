@@ -8,6 +8,7 @@ use crate::octree::bulk::root_cube;
 use crate::octree::geometry::Cube;
 use crate::octree::tree::{Bounds, Tree};
 use crate::parallel;
+use crate::parallel::watch::Watch;
 
 /// Source and target tree on one root cube; one tree if the points are the same in the same order.
 pub(crate) struct Trees<S: Located, X: Located<Real = S::Real>> {
@@ -29,6 +30,7 @@ impl<S: Located, X: Located<Real = S::Real>> Trees<S, X> {
         sources: &[S],
         targets: &[X],
         leaf_size: &dyn Fn() -> usize,
+        watch: &Watch,
     ) -> Result<Self, Error> {
         let bounds = Bounds::new(PointSet::Sources, sources)?;
         let bounds = bounds.join(Bounds::new(PointSet::Targets, targets)?);
@@ -37,15 +39,17 @@ impl<S: Located, X: Located<Real = S::Real>> Trees<S, X> {
         if leaf_size == 0 {
             return Err(Error::InvalidLeafSize);
         }
-        let source_tree = Arc::new(Tree::new(&root, sources, leaf_size));
+        let source_tree = Arc::new(Tree::new(&root, sources, leaf_size, watch)?);
         let same_points = sources.len() == targets.len()
             && parallel::all(sources.len(), &|i| sources[i].position() == targets[i].position());
         let target_tree = if same_points {
             Arc::clone(&source_tree)
         } else {
-            Arc::new(Tree::new(&root, targets, leaf_size))
+            Arc::new(Tree::new(&root, targets, leaf_size, watch)?)
         };
+        watch.check()?;
         let sources = in_tree_order(sources, &source_tree);
+        watch.check()?;
         let targets = in_tree_order(targets, &target_tree);
         Ok(Self { root, leaf_size, source_tree, target_tree, sources, targets })
     }

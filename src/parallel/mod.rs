@@ -4,6 +4,7 @@
 //! loop of every kernel.
 
 pub(crate) mod pool;
+pub(crate) mod watch;
 
 use rayon::prelude::*;
 

@@ -11,16 +11,18 @@ use crate::interaction::lists::Lists;
 use crate::interpolation::black_box::Interpolation;
 use crate::interpolation::store::OperatorStore;
 use crate::kernel::mask::{Coverage, Mask, Unmasked};
+use crate::kernel::ordinary::check_range;
 use crate::kernel::traits::Kernel;
 use crate::numbers::traits::{Located, Point};
 use crate::octree::trees::Trees;
+use crate::parallel::watch::{Phase, Progress, Watch};
 use crate::plan::choice::{Candidate, cheapest, correct, direct_unless_halved};
 use crate::plan::choices::{Choices, Pace};
 use crate::plan::estimate::Estimate;
 use crate::plan::fmm::Fmm;
 use crate::plan::guard::Guard;
 use crate::plan::norms::Norms;
-use crate::plan::times::{BuildTimes, Clock, Phase, Progress};
+use crate::plan::times::{BuildTimes, Clock};
 use crate::plan::trial::stands_trial;
 use crate::plan::tuning::{RESTRICTIONS, SET_UP_SECONDS, SHOWN_POINTS};
 use crate::plan::{Plan, Scheme, levels};
@@ -130,6 +132,12 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
         Builder { expansion, mask, choices: Choices { progress: Some(report), ..choices } }
     }
 
+    /// What looks on while the plan is built, and can stop that.
+    pub fn watch(mut self, watch: &Watch) -> Self {
+        self.choices.watch = watch.clone();
+        self
+    }
+
     /// The most bytes that the plan and one workspace may need; by default as many as it takes. With a
     /// budget, building makes an [`estimate`](Self::estimate) as soon as the trees stand, and stops there
     /// if that is more. Operators of expansions are not counted.
@@ -178,10 +186,12 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
     /// are at the same points in the same order, they share one tree.
     ///
     /// # Errors
-    /// If a coordinate is not finite, the points extend too far for their precision, the leaf size is
+    /// If a coordinate is not finite, the points extend too far for their precision, or so far or so little that the
+    /// precision has no digits for what the [kernel](Kernel::sizes) gives between them, the leaf size is
     /// zero, a pair is said to take no time, the kernel's sizes don't belong together, the mask gives no share
     /// from 0 to 1, the plan would need more memory than it may, or the expansion can't meet its tolerance or
-    /// order, or if `FARFIELD_DISPATCH` does not name a [`DispatchLevel`].
+    /// order, or if `FARFIELD_DISPATCH` does not name a [`DispatchLevel`]; or [`Error::Stopped`] by a
+    /// [watch](Self::watch).
     pub fn build(
         mut self,
         sources: &[SourceOf<E>],
@@ -192,7 +202,9 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
         self.choices.check()?;
         let (mut clock, mut times) = (Clock::start(), BuildTimes::default());
         self.report(Phase::Tree, 0.0);
+        let watch = self.choices.watch.clone();
         let mut trees = self.trees(sources, targets)?;
+        check_range(self.expansion.kernel(), sources, targets)?;
         self.report(Phase::Tree, 1.0);
         clock.lap(&mut times.tree);
 
@@ -215,6 +227,7 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
             let mask = self.cell_mask(&trees);
             let traversal = self.traversal(scheme, &trees, &mask, &admissibility);
             let found = traversal.lists(&|fraction| self.report(Phase::Lists, fraction));
+            watch.check()?;
             let mut lists = found.map_err(|pair| Error::InvalidShare {
                 target: trees.target_tree.shape.order[pair.target as usize] as usize,
                 from: trees.source_tree.shape.order[pair.source as usize] as usize,
@@ -237,6 +250,7 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
                 sources: some(&trees.sources),
                 targets: some(&trees.targets),
                 admissibility: admissibility.clone(),
+                watch: watch.clone(),
                 ..Geometry::new(trees.root, levels)
             };
             let norms = self.measure(&trees, &lists, &mut geometry);
@@ -273,13 +287,16 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
 
             // Operators for other charges are worth the direct sums that they save.
             let saved = self.choices.applications as f64 * direct_seconds;
-            let geometry = Geometry { most_seconds: saved + SET_UP_SECONDS, ..geometry };
+            let most_seconds = saved + SET_UP_SECONDS;
+            let geometry = Geometry { most_seconds, watch: Watch::default(), ..geometry };
             let guard = norms.map(|norms| Guard::new(norms, geometry));
             let guard = guard.filter(|guard| guard.is_needed(&self.expansion));
             let plan = Plan::new(self.expansion, scheme, trees, lists);
             clock.lap(&mut times.lists);
             let is_tried = !admissibility.is_whole() && !self.choices.masked;
-            if is_tried && scheme != Scheme::Direct && !stands_trial(&plan) {
+            let stands = !is_tried || scheme == Scheme::Direct || stands_trial(&plan, &watch);
+            watch.check()?;
+            if !stands {
                 fallback = Some("the kernel is too uneven between cells".to_string());
                 (self.expansion, trees) = plan.into_parts();
                 candidates = vec![self.direct(&trees, times.tree, estimate.is_some())];
@@ -319,6 +336,7 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
     }
 
     fn report(&self, phase: Phase, fraction: f64) {
+        self.choices.watch.enter(Progress { phase, fraction });
         if let Some(report) = self.choices.progress {
             report(Progress { phase, fraction });
         }

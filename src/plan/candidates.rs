@@ -84,7 +84,8 @@ impl<E: Expansion, M: Mask<E::Kernel>> Builder<'_, E, M> {
         targets: &[TargetOf<E>],
     ) -> Result<Trees<SourceOf<E>, TargetOf<E>>, Error> {
         let best = || self.costs().leaf_size(self.seconds_of_a_pair(sources, targets));
-        Trees::new(sources, targets, &|| self.choices.leaf_size.unwrap_or_else(best))
+        let leaf_size = || self.choices.leaf_size.unwrap_or_else(best);
+        Trees::new(sources, targets, &leaf_size, &self.choices.watch)
     }
 
     /// What is known of costs before the expansion is prepared.
@@ -118,7 +119,7 @@ impl<E: Expansion, M: Mask<E::Kernel>> Builder<'_, E, M> {
     }
 
     pub(super) fn traversal<'b>(
-        &self,
+        &'b self,
         scheme: Scheme,
         trees: &'b Trees<SourceOf<E>, TargetOf<E>>,
         mask: &'b dyn CellMask,
@@ -129,6 +130,7 @@ impl<E: Expansion, M: Mask<E::Kernel>> Builder<'_, E, M> {
             sources: &trees.source_tree,
             mask,
             admissibility,
+            watch: &self.choices.watch,
             far: match scheme {
                 Scheme::Direct => Far::Nothing,
                 Scheme::Fmm if self.costs().weighs => Far::Weighed,

@@ -8,6 +8,7 @@ use std::time::Instant;
 
 use crate::expansion::Expansion;
 use crate::numbers::traits::Numbers;
+use crate::parallel::watch::Watch;
 use crate::plan::choices::Pace;
 use crate::plan::estimate::Estimate;
 use crate::plan::tuning::{APPLY_BUDGET, APPLY_REPETITIONS, DOUBT};
@@ -61,7 +62,7 @@ pub(crate) fn correct<E: Expansion>(plan: &Plan<E>, estimate: &Estimate) {
     let (start, mut shortest) = (Instant::now(), f64::INFINITY);
     for _ in 0..APPLY_REPETITIONS {
         let before = Instant::now();
-        black_box(plan.run(&charges, &mut workspace));
+        black_box(plan.run(&charges, &mut workspace, &Watch::default()));
         shortest = shortest.min(before.elapsed().as_secs_f64());
         if start.elapsed().as_secs_f64() > APPLY_BUDGET {
             break;

@@ -2,9 +2,9 @@
 
 use crate::error::Error;
 use crate::numbers::traits::Real;
+use crate::parallel::watch::{Progress, Watch};
 use crate::plan::Scheme;
 use crate::plan::estimate::Estimate;
-use crate::plan::times::Progress;
 use crate::plan::tuning::{ASKED_SECONDS, ASKED_SUMS, BARGAIN, DIRECT_DIGITS, SET_UP_SECONDS};
 
 /// Where it is known from how long a pair takes that is summed directly.
@@ -19,7 +19,6 @@ pub(crate) enum Pace {
 }
 
 /// What is chosen besides expansion and mask.
-#[derive(Clone, Copy)]
 pub(crate) struct Choices<'a> {
     pub(crate) scheme: Option<Scheme>,
     pub(crate) leaf_size: Option<usize>,
@@ -28,6 +27,7 @@ pub(crate) struct Choices<'a> {
     pub(crate) pace: Pace,
     pub(crate) memory_budget: Option<usize>,
     pub(crate) progress: Option<&'a (dyn Fn(Progress) + Sync)>,
+    pub(crate) watch: Watch,
 }
 
 impl Default for Choices<'_> {
@@ -40,6 +40,7 @@ impl Default for Choices<'_> {
             pace: Pace::Declared,
             memory_budget: None,
             progress: None,
+            watch: Watch::default(),
         }
     }
 }

@@ -8,6 +8,7 @@ use crate::expansion::{ChargeOf, Expansion, ValueOf};
 use crate::kernel::direct::check_charges;
 use crate::numbers::traits::Numbers;
 use crate::parallel;
+use crate::parallel::watch::Watch;
 use crate::plan::Plan;
 use crate::plan::estimate::Estimate;
 use crate::plan::guard::Guard;
@@ -68,9 +69,23 @@ impl<E: Expansion> Fmm<E> {
     /// # Errors
     /// If there is not one charge per source, a charge is not finite, or a sum is not.
     pub fn apply(&self, charges: &[ChargeOf<E>]) -> Result<Vec<ValueOf<E>>, Error> {
+        self.apply_watched(charges, &Watch::default())
+    }
+
+    /// The same sums as [`apply`](Self::apply), to the bit, while a watch looks on that can stop them. The plan stays as
+    /// it is then.
+    ///
+    /// # Errors
+    /// As [`apply`](Self::apply), or [`Error::Stopped`].
+    pub fn apply_watched(
+        &self,
+        charges: &[ChargeOf<E>],
+        watch: &Watch,
+    ) -> Result<Vec<ValueOf<E>>, Error> {
         self.check_charges(charges)?;
-        let ready = self.plan_for(charges);
-        let values = ready.with_workspace(|workspace| ready.plan.run(charges, workspace));
+        let ready = self.plan_for(charges, watch)?;
+        let values = ready.with_workspace(|workspace| ready.plan.run(charges, workspace, watch));
+        watch.check()?;
         check_values(&values)?;
         Ok(values)
     }
@@ -102,8 +117,11 @@ impl<E: Expansion> Fmm<E> {
             return Err(Error::LengthMismatch { what: "values", expected, found });
         }
         self.check_charges(charges)?;
-        let ready = self.plan_for(charges);
-        ready.with_workspace(|workspace| ready.plan.run_into(charges, workspace, values));
+        let watch = Watch::default();
+        let ready = self.plan_for(charges, &watch)?;
+        ready.with_workspace(|workspace| {
+            ready.plan.run_into(charges, workspace, values, &watch);
+        });
         check_values(values)
     }
 
@@ -120,7 +138,7 @@ impl<E: Expansion> Fmm<E> {
         let mut checks = 0.0;
         self.check_charges(charges)?;
         clock.lap(&mut checks);
-        let ready = self.plan_for(charges);
+        let ready = self.plan_for(charges, &Watch::default())?;
         let (values, mut times) =
             ready.with_workspace(|workspace| ready.plan.run_timed(charges, workspace));
         clock = Clock::start();
@@ -145,10 +163,16 @@ impl<E: Expansion> Fmm<E> {
     }
 
     /// The plan that keeps the tolerance for these charges.
-    pub(crate) fn plan_for(&self, charges: &[ChargeOf<E>]) -> Arc<Ready<E>> {
-        let other =
-            self.guard.as_ref().and_then(|guard| guard.other_plan(&self.usual.plan, charges));
-        other.unwrap_or_else(|| Arc::clone(&self.usual))
+    pub(crate) fn plan_for(
+        &self,
+        charges: &[ChargeOf<E>],
+        watch: &Watch,
+    ) -> Result<Arc<Ready<E>>, Error> {
+        let other = match &self.guard {
+            Some(guard) => guard.other_plan(&self.usual.plan, charges, watch)?,
+            None => None,
+        };
+        Ok(other.unwrap_or_else(|| Arc::clone(&self.usual)))
     }
 }
 

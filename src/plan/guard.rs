@@ -3,12 +3,14 @@
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::sync::{Arc, Mutex};
 
+use crate::error::Error;
 use crate::expansion::admissibility::Admissibility;
 use crate::expansion::geometry::{Geometry, Strength};
 use crate::expansion::{ChargeOf, Expansion, RealOf};
 use crate::interaction::cell_mask::{PointMask, TreePoints};
 use crate::interaction::traversal::{Far, Traversal};
 use crate::kernel::mask::Unmasked;
+use crate::parallel::watch::Watch;
 use crate::plan::charge_sums::ChargeSums;
 use crate::plan::norms::{Norms, forbid};
 use crate::plan::ready::Ready;
@@ -46,18 +48,21 @@ impl<E: Expansion> Guard<E> {
         self.applications.load(Relaxed)
     }
 
-    /// The plan for charges that the usual one is too coarse for. It depends on the charges alone, not on what
+    /// The plan for charges that the usual one is too coarse for, if there are any. It depends on the charges alone, not on what
     /// was summed before.
     pub(crate) fn other_plan(
         &self,
         usual: &Plan<E>,
         charges: &[ChargeOf<E>],
-    ) -> Option<Arc<Ready<E>>> {
-        let sums = ChargeSums::new(charges, &usual.source_tree.shape)?;
+        watch: &Watch,
+    ) -> Result<Option<Arc<Ready<E>>>, Error> {
+        let Some(sums) = ChargeSums::new(charges, &usual.source_tree.shape) else {
+            return Ok(None);
+        };
         let strengths = self.norms.strengths_for(&sums);
         let leaves_out = self.norms.left_out(&sums) > LIKE_SIZES * usual.pair_tolerance;
         if !leaves_out && !forbid(&strengths, |level| usual.expansion.pair_sizes(level)) {
-            return None;
+            return Ok(None);
         }
         self.applications.fetch_add(1, Relaxed);
         let stricter = |(own, usual): (Strengths, &Strengths)| {
@@ -72,26 +77,26 @@ impl<E: Expansion> Guard<E> {
         if let Some(known) = known.map(|known| others.remove(known)) {
             let plan = Arc::clone(&known.1);
             others.push(known);
-            return Some(plan);
+            return Ok(Some(plan));
         }
         drop(others);
-        let expanded = strengths.as_ref().and_then(|own| self.expanded(usual, own));
-        let plan = match expanded {
-            Some(plan) => plan,
-            None => direct(usual)?,
-        };
+        let expanded = strengths.as_ref().and_then(|own| self.expanded(usual, own, watch));
+        let plan = expanded.or_else(|| direct(usual, watch));
+        // What was not finished is not kept.
+        watch.check()?;
+        let Some(plan) = plan else { return Ok(None) };
         let plan = Arc::new(Ready::new(plan));
         let mut others = self.others.lock().unwrap_or_else(|e| e.into_inner());
         others.push((strengths, Arc::clone(&plan)));
         if others.len() > OTHER_PLANS {
             others.remove(0);
         }
-        Some(plan)
+        Ok(Some(plan))
     }
 
     /// With an expansion for these strengths, if one can be had.
-    fn expanded(&self, usual: &Plan<E>, strengths: &[Strengths]) -> Option<Plan<E>> {
-        let mut geometry = self.geometry.clone();
+    fn expanded(&self, usual: &Plan<E>, strengths: &[Strengths], watch: &Watch) -> Option<Plan<E>> {
+        let mut geometry = Geometry { watch: watch.clone(), ..self.geometry.clone() };
         for level in &mut geometry.levels {
             [level.values, level.slopes] = strengths[level.level];
         }
@@ -105,7 +110,7 @@ impl<E: Expansion> Guard<E> {
 }
 
 /// Sums directly what another plan sums.
-fn direct<E: Expansion>(usual: &Plan<E>) -> Option<Plan<E>> {
+fn direct<E: Expansion>(usual: &Plan<E>, watch: &Watch) -> Option<Plan<E>> {
     let trees = usual.trees();
     let mask: PointMask<'_, E::Kernel, _> = PointMask {
         mask: &Unmasked,
@@ -114,7 +119,7 @@ fn direct<E: Expansion>(usual: &Plan<E>) -> Option<Plan<E>> {
     };
     let (targets, sources) = (&*trees.target_tree, &*trees.source_tree);
     let (far, admissibility) = (Far::Nothing, &Admissibility::default());
-    let lists = Traversal { targets, sources, mask: &mask, far, admissibility }.unmasked();
+    let lists = Traversal { targets, sources, mask: &mask, far, admissibility, watch }.unmasked();
     Some(Plan::new(usual.expansion.again()?, Scheme::Direct, trees, lists))
 }
 

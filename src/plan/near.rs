@@ -4,7 +4,8 @@
 use crate::interaction::lists::{ALL, PairShare, Run};
 use crate::kernel::mask::share_of;
 use crate::kernel::traits::Kernel;
-use crate::plan::tuning::GATHERED_BYTES;
+use crate::parallel::watch::Watch;
+use crate::plan::tuning::{GATHERED_BYTES, RUN_SOURCES};
 
 /// What the near field is summed from.
 pub(crate) struct Near<'a, K: Kernel> {
@@ -16,6 +17,8 @@ pub(crate) struct Near<'a, K: Kernel> {
     pub(crate) charges: &'a [K::Charge],
     /// Which pairs of a run count, where not all do.
     pub(crate) bits: &'a [u64],
+    /// Once it is stopped, what is summed is not used.
+    pub(crate) watch: &'a Watch,
 }
 
 /// Sources of several runs next to each other, and their charges.
@@ -67,7 +70,7 @@ impl<K: Kernel> Near<'_, K> {
                 let bits = &self.bits[run.bits as usize..];
                 self.kernel.add_pairs(xs, ys, qs, bits, self.tolerance, us);
             } else if runs.len() == 1 || 2 * ys.len() > most {
-                self.kernel.add_block(xs, ys, qs, self.tolerance, us);
+                self.add_run(xs, ys, qs, us);
             } else {
                 if gathered.sources.len() + ys.len() > most {
                     self.add_gathered(gathered, xs, us);
@@ -77,6 +80,16 @@ impl<K: Kernel> Near<'_, K> {
             }
         }
         self.add_gathered(gathered, xs, us);
+    }
+
+    /// Adds the fields of many sources, some after the others.
+    fn add_run(&self, xs: &[K::Target], ys: &[K::Source], qs: &[K::Charge], us: &mut [K::Value]) {
+        for (ys, qs) in ys.chunks(RUN_SOURCES).zip(qs.chunks(RUN_SOURCES)) {
+            if self.watch.is_stopped() {
+                return;
+            }
+            self.kernel.add_block(xs, ys, qs, self.tolerance, us);
+        }
     }
 
     fn add_gathered(&self, gathered: &mut Gathered<K>, xs: &[K::Target], us: &mut [K::Value]) {

@@ -12,6 +12,7 @@ use crate::kernel::traits::{Kernel, Outcome};
 use crate::numbers::traits::Numbers;
 use crate::octree::shape::Shape;
 use crate::parallel;
+use crate::parallel::watch::{Phase, Watch};
 use crate::plan::near::{Gathered, Near};
 use crate::plan::times::{ApplyTimes, Clock};
 use crate::plan::tuning::PIECE;
@@ -35,14 +36,15 @@ impl Sweep {
 }
 
 impl<E: Expansion> Plan<E> {
-    /// The sums for `charges`, in the caller's order.
+    /// The sums for `charges`, in the caller's order. Once `watch` is stopped, they are not to be used.
     pub(crate) fn run(
         &self,
         charges: &[ChargeOf<E>],
         workspace: &mut Workspace<E>,
+        watch: &Watch,
     ) -> Vec<ValueOf<E>> {
         let mut values = vec![Numbers::zero(); self.targets.len()];
-        self.run_into(charges, workspace, &mut values);
+        self.run_into(charges, workspace, &mut values, watch);
         values
     }
 
@@ -52,10 +54,11 @@ impl<E: Expansion> Plan<E> {
         charges: &[ChargeOf<E>],
         workspace: &mut Workspace<E>,
         values: &mut [ValueOf<E>],
+        watch: &Watch,
     ) {
         let mut unread = ApplyTimes::default();
-        self.carry(charges, workspace, &mut Clock::start(), &mut unread);
-        self.evaluate(workspace, Sweep::ALL);
+        self.carry(charges, workspace, &mut Clock::start(), &mut unread, watch);
+        self.evaluate(workspace, Sweep::ALL, watch);
         self.write_in_callers_order(workspace, values);
     }
 
@@ -66,12 +69,13 @@ impl<E: Expansion> Plan<E> {
         workspace: &mut Workspace<E>,
     ) -> (Vec<ValueOf<E>>, ApplyTimes) {
         let (mut clock, mut times) = (Clock::start(), ApplyTimes::default());
-        self.carry(charges, workspace, &mut clock, &mut times);
-        self.evaluate(workspace, Sweep::LOCAL);
+        let watch = &Watch::default();
+        self.carry(charges, workspace, &mut clock, &mut times, watch);
+        self.evaluate(workspace, Sweep::LOCAL, watch);
         clock.lap(&mut times.l2p);
-        self.evaluate(workspace, Sweep::MULTIPOLE);
+        self.evaluate(workspace, Sweep::MULTIPOLE, watch);
         clock.lap(&mut times.m2p);
-        self.evaluate(workspace, Sweep::NEAR);
+        self.evaluate(workspace, Sweep::NEAR, watch);
         clock.lap(&mut times.near);
         let values = self.in_callers_order(workspace);
         clock.lap(&mut times.permutation);
@@ -85,10 +89,11 @@ impl<E: Expansion> Plan<E> {
         charges: &[ChargeOf<E>],
         workspace: &mut Workspace<E>,
     ) -> Vec<ValueOf<E>> {
-        self.carry(charges, workspace, &mut Clock::start(), &mut ApplyTimes::default());
-        self.evaluate(workspace, Sweep::FAR);
+        let watch = &Watch::default();
+        self.carry(charges, workspace, &mut Clock::start(), &mut ApplyTimes::default(), watch);
+        self.evaluate(workspace, Sweep::FAR, watch);
         let far = workspace.values.clone();
-        self.evaluate(workspace, Sweep::NEAR);
+        self.evaluate(workspace, Sweep::NEAR, watch);
         far
     }
 
@@ -114,31 +119,36 @@ impl<E: Expansion> Plan<E> {
         workspace: &mut Workspace<E>,
         clock: &mut Clock,
         times: &mut ApplyTimes,
+        watch: &Watch,
     ) {
+        watch.begin(Phase::Terms, self.source_tree.cells.len() + self.target_tree.cells.len());
         let order = &self.source_tree.shape.order;
         parallel::for_each_piece(&mut workspace.charges, PIECE, &|piece, qs| {
             let places = qs.iter_mut().zip(&order[PIECE * piece..]);
             places.for_each(|(q, &i)| q.clone_from(&charges[i as usize]));
         });
         clock.lap(&mut times.permutation);
-        self.p2m(workspace);
+        self.p2m(workspace, watch);
         clock.lap(&mut times.p2m);
         if self.scheme.shifts_moments() {
-            self.m2m(workspace);
+            self.m2m(workspace, watch);
             clock.lap(&mut times.m2m);
         }
         if self.scheme == Scheme::Fmm {
             for level in 0..self.target_tree.shape.levels() {
-                self.m2l(level, workspace);
+                self.m2l(level, workspace, watch);
                 clock.lap(&mut times.m2l);
-                self.l2l(level, workspace);
+                self.l2l(level, workspace, watch);
                 clock.lap(&mut times.l2l);
+                if watch.advance(self.target_tree.shape.level(level).len()) {
+                    return;
+                }
             }
         }
     }
 
     /// P2M wherever moments are not shifted from children.
-    fn p2m(&self, workspace: &mut Workspace<E>) {
+    fn p2m(&self, workspace: &mut Workspace<E>, watch: &Watch) {
         let Workspace { charges, multipoles, .. } = workspace;
         let tree = &self.source_tree;
         for (level, multipoles) in multipoles.iter_mut().enumerate() {
@@ -146,7 +156,8 @@ impl<E: Expansion> Plan<E> {
             let len = self.expansion.multipole_len(level);
             parallel::for_each_piece(multipoles, len, &|i, multipole| {
                 let (cell, node) = (&tree.cells[first + i], &tree.shape.nodes[first + i]);
-                if !self.layout.multipole[first + i]
+                if watch.advance(1)
+                    || !self.layout.multipole[first + i]
                     || (!node.is_leaf() && self.scheme.shifts_moments())
                 {
                     return;
@@ -160,11 +171,11 @@ impl<E: Expansion> Plan<E> {
     }
 
     /// M2M into every cell that has children, from the deepest up.
-    fn m2m(&self, workspace: &mut Workspace<E>) {
+    fn m2m(&self, workspace: &mut Workspace<E>, watch: &Watch) {
         let tree = &self.source_tree;
         for level in (1..tree.shape.levels()).rev() {
             let (above, below) = workspace.multipoles.split_at_mut(level);
-            let families = LevelFamilies::new(tree, level - 1, &self.layout.multipole);
+            let families = LevelFamilies::new(tree, level - 1, &self.layout.multipole, watch);
             let to = &mut above[level - 1];
             let len = self.expansion.multipole_len(level - 1);
             parallel::for_each_piece(to, len, &|p, multipole| {
@@ -177,7 +188,7 @@ impl<E: Expansion> Plan<E> {
     }
 
     /// M2L within one level.
-    fn m2l(&self, level: usize, workspace: &mut Workspace<E>) {
+    fn m2l(&self, level: usize, workspace: &mut Workspace<E>, watch: &Watch) {
         let Workspace { multipoles, locals, .. } = workspace;
         let (sources, targets) = (&self.source_tree, &self.target_tree);
         let locals = &mut locals[level];
@@ -198,6 +209,7 @@ impl<E: Expansion> Plan<E> {
                     starts,
                     list: &list.items,
                     first_source: source_cells.start,
+                    watch,
                 };
                 self.expansion.m2l_level(&pairs, &multipoles[level], locals);
             }
@@ -205,12 +217,12 @@ impl<E: Expansion> Plan<E> {
     }
 
     /// L2L and P2L into one level.
-    fn l2l(&self, level: usize, workspace: &mut Workspace<E>) {
+    fn l2l(&self, level: usize, workspace: &mut Workspace<E>, watch: &Watch) {
         let Workspace { charges, locals, p2l_declined, .. } = workspace;
         let (sources, targets) = (&self.source_tree, &self.target_tree);
         let (above, tail) = locals.split_at_mut(level);
         if let Some(above) = above.last() {
-            let families = LevelFamilies::new(targets, level - 1, &self.layout.local);
+            let families = LevelFamilies::new(targets, level - 1, &self.layout.local, watch);
             self.expansion.l2l_level(&families, above, &mut tail[0]);
         }
         let p2l = &self.lists.p2l;
@@ -218,6 +230,9 @@ impl<E: Expansion> Plan<E> {
         let len = self.expansion.local_len(level);
         parallel::for_each_piece(&mut tail[0], len, &|i, local| {
             let t = first + i;
+            if watch.is_stopped() {
+                return;
+            }
             for (k, &s) in p2l.of(t).iter().enumerate() {
                 let points = sources.shape.nodes[s as usize].points();
                 let (ys, qs) = (&self.sources[points.clone()], &charges[points]);
@@ -229,7 +244,7 @@ impl<E: Expansion> Plan<E> {
     }
 
     /// Adds up what one sweep brings to the values at every target leaf.
-    fn evaluate(&self, workspace: &mut Workspace<E>, sweep: Sweep) {
+    fn evaluate(&self, workspace: &mut Workspace<E>, sweep: Sweep, watch: &Watch) {
         let Workspace { charges, values, multipoles, locals, p2l_declined, gathered } = workspace;
         let near = Near {
             kernel: self.expansion.kernel(),
@@ -237,10 +252,15 @@ impl<E: Expansion> Plan<E> {
             sources: &self.sources,
             charges,
             bits: &self.lists.bits,
+            watch,
         };
+        watch.begin(Phase::Values, self.target_tree.shape.leaves.len());
         let at_leaf = |t: usize, us: &mut [ValueOf<E>]| {
             let tree = &self.target_tree;
             let xs = &self.targets[tree.shape.nodes[t].points()];
+            if watch.advance(1) {
+                return;
+            }
             if sweep.local {
                 us.fill(Numbers::zero());
             }

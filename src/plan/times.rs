@@ -1,4 +1,4 @@
-//! Where the time goes, and how far a job has come.
+//! Where the time goes.
 
 use std::time::Instant;
 
@@ -44,28 +44,6 @@ impl ApplyTimes {
         let Self { permutation, p2m, m2m, m2l, l2l, l2p, m2p, near } = self;
         permutation + p2m + m2m + m2l + l2l + l2p + m2p + near
     }
-}
-
-/// Which part of building a plan is under way.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum Phase {
-    /// Sorting the points into trees.
-    Tree,
-    /// Finding the interaction lists and asking the mask for single pairs.
-    Lists,
-    /// Preparing the expansion's operators.
-    Operators,
-}
-
-/// A report on how far building a plan has come.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
-pub struct Progress {
-    /// The part under way.
-    pub phase: Phase,
-    /// How much of that part is done, from 0 to 1; reports may arrive out of order.
-    pub fraction: f64,
 }
 
 /// Tells how long each part of a job took.

@@ -9,12 +9,13 @@ use crate::kernel::traits::Kernel;
 use crate::numbers::random::Random;
 use crate::numbers::traits::{Numbers, Real, l2_norm};
 use crate::parallel;
+use crate::parallel::watch::Watch;
 use crate::plan::tuning::{TRIAL_PAIRS, TRIAL_TARGETS};
 use crate::plan::{Plan, Workspace};
 
 /// Whether sums with charges of either sign are as exact as those of pairs, at some of the targets. One application,
 /// and O(N) pairs. An expansion that does not say how exact pairs have to be is taken at its word.
-pub(crate) fn stands_trial<E: Expansion>(plan: &Plan<E>) -> bool {
+pub(crate) fn stands_trial<E: Expansion>(plan: &Plan<E>, watch: &Watch) -> bool {
     if plan.pair_tolerance == 0.0 {
         return true;
     }
@@ -23,7 +24,7 @@ pub(crate) fn stands_trial<E: Expansion>(plan: &Plan<E>) -> bool {
     let mut random = Random::new(1);
     let charges: Vec<ChargeOf<E>> =
         order.iter().map(|_| charge::<E>(kernel, &mut random)).collect();
-    let sums = plan.run(&charges, &mut Workspace::new(plan));
+    let sums = plan.run(&charges, &mut Workspace::new(plan), watch);
 
     let in_tree_order: Vec<ChargeOf<E>> =
         order.iter().map(|&i| charges[i as usize].clone()).collect();
@@ -31,6 +32,9 @@ pub(crate) fn stands_trial<E: Expansion>(plan: &Plan<E>) -> bool {
     let places: Vec<usize> = (0..plan.targets.len()).step_by(step).collect();
     let errors = parallel::map(places.len(), &|k| {
         let place = places[k];
+        if watch.is_stopped() {
+            return [0.0; 2];
+        }
         let mut exact = [<ValueOf<E> as Numbers>::zero()];
         let target = &plan.targets[place..=place];
         kernel.add_block(target, &plan.sources, &in_tree_order, 0.0, &mut exact);

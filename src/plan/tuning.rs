@@ -80,6 +80,9 @@ pub(crate) const TASKS: u64 = 1024;
 /// targets pass.
 pub(crate) const GATHERED_BYTES: usize = 1 << 15;
 
+/// Sources that a leaf is summed with before it is asked whether to stop.
+pub(crate) const RUN_SOURCES: usize = 1 << 14;
+
 /// Plans for fewer points than this are not worth a measurement.
 pub(crate) const WORTHWHILE: usize = 512;
 

@@ -4,11 +4,12 @@ use std::fmt;
 use std::marker::PhantomData;
 use std::sync::Arc;
 
-use farfield::{Error, Kernel, Located, Numbers, Outcome, Point, Real, Vector};
+use farfield::{Error, Extended, Kernel, Located, Numbers, Outcome, Point, Real, Vector};
 
 use crate::formula::{Coincident, TextFormula};
 use crate::machine::cost::pair_seconds;
 use crate::machine::entries::BlockEntries;
+use crate::machine::extended;
 use crate::machine::program::Program;
 use crate::machine::sums::BlockSums;
 
@@ -183,6 +184,21 @@ where
 
     fn pair_seconds(&self, _tolerance: f64) -> f64 {
         pair_seconds(&self.parts, self.columns())
+    }
+
+    fn sizes(&self, x: Point<P::Real>, y: Point<P::Real>) -> Option<[f64; 2]> {
+        match self.formula.at_coincident_points() {
+            Coincident::Skip if x == y => return Some([0.0; 2]),
+            Coincident::Value(value) if x == y => return Some([value.abs(), 0.0]),
+            _ => {}
+        }
+        let parts = extended::entries(&self.parts, (x.to_array(), y.to_array()));
+        let values = self.formula.rows() * self.formula.columns();
+        let (values, slopes) = parts.split_at(values.min(parts.len()));
+        let largest = |numbers: &[Extended<P::Real>]| {
+            numbers.iter().map(|number| number.size()).fold(0.0, f64::max)
+        };
+        Some([largest(values), largest(slopes)])
     }
 
     fn entry_gradients(

@@ -10,8 +10,13 @@ const LARGEST_POWER: f64 = 32.0;
 impl Graph {
     /// A function of a number.
     pub(crate) fn unary(&mut self, operator: Unary, x: Id) -> Id {
-        if let Some(x) = self.constant_at(x) {
-            return self.constant(evaluate_unary(operator, x));
+        if let Some(number) = self.constant_at(x) {
+            let result = evaluate_unary(operator, number);
+            let may_leave = matches!(operator, Unary::Exp | Unary::Reciprocal);
+            if may_leave && has_left_the_range(number, number, result) {
+                return self.add(Node::Unary(operator, x));
+            }
+            return self.constant(result);
         }
         match (operator, self.node(x)) {
             (Unary::Negate, Node::Unary(Unary::Negate, inner)) => inner,
@@ -32,8 +37,13 @@ impl Graph {
     /// A function of two numbers.
     pub(crate) fn binary(&mut self, operator: Binary, a: Id, b: Id) -> Id {
         let constants = [self.constant_at(a), self.constant_at(b)];
-        if let [Some(a), Some(b)] = constants {
-            return self.constant(evaluate_binary(operator, a, b));
+        if let [Some(first), Some(second)] = constants {
+            let result = evaluate_binary(operator, first, second);
+            let may_leave = matches!(operator, Binary::Multiply | Binary::Power);
+            if may_leave && has_left_the_range(first, second, result) {
+                return self.add(Node::Binary(operator, a, b));
+            }
+            return self.constant(result);
         }
         match operator {
             Binary::Add => self.sum(a, b),
@@ -51,7 +61,10 @@ impl Graph {
     /// a / b, as the product with a reciprocal, of which there is one for all quotients.
     pub(crate) fn quotient(&mut self, a: Id, b: Id) -> Id {
         if let [Some(a), Some(b)] = [a, b].map(|id| self.constant_at(id)) {
-            return self.constant(a / b);
+            let result = a / b;
+            if !has_left_the_range(a, b, result) {
+                return self.constant(result);
+            }
         }
         let inverse = self.unary(Unary::Reciprocal, b);
         self.product(a, inverse)
@@ -122,9 +135,12 @@ impl Graph {
                         self.product(a, b)
                     }
                     Node::Binary(Binary::Multiply, a, c) if self.constant_at(c).is_some() => {
-                        let first = self.constant_at(c).unwrap_or(1.0);
-                        let both = self.constant(first * second);
-                        self.product(a, both)
+                        let both = self.binary(Binary::Multiply, b, c);
+                        if self.constant_at(both).is_some() {
+                            self.product(a, both)
+                        } else {
+                            self.add(Node::Binary(Binary::Multiply, a.min(both), a.max(both)))
+                        }
                     }
                     _ => self.add(Node::Binary(Binary::Multiply, a, b)),
                 };
@@ -206,6 +222,11 @@ impl Graph {
     fn is_squared_distance(&self, x: Id) -> bool {
         self.node(x) == Node::Input(Input::SquaredDistance)
     }
+}
+
+/// Whether the result of an operation is 0, infinite or short of digits, and its operands are not.
+fn has_left_the_range(a: f64, b: f64, result: f64) -> bool {
+    a.is_normal() && b.is_normal() && !result.is_normal()
 }
 
 fn evaluate_unary(operator: Unary, x: f64) -> f64 {

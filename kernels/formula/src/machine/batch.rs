@@ -10,6 +10,9 @@ pub(crate) const WIDTH: usize = 8;
 /// Coordinates of several points side by side, one axis after the other.
 pub(crate) type Side<T> = [[T; WIDTH]; 3];
 
+/// The least and the greatest r² so far, lane by lane.
+pub(crate) type Spread<T> = [[T; WIDTH]; 2];
+
 /// The chunks of a register.
 type Chunks<'a, T> = &'a mut [[T; WIDTH]];
 
@@ -26,19 +29,19 @@ pub(crate) fn side_by_side<T: Real>(points: &[[T; 3]]) -> Side<T> {
     side
 }
 
-/// Brings all pairs of some targets and sources to the registers, target by target for each source. Says whether some
-/// of them are at one place, or so near that the square of their distance vanishes.
+/// Brings all pairs of some targets and sources to the registers, target by target for each source. Gives the least and
+/// the greatest of 1 and all r².
 #[inline(always)]
 pub(crate) fn write_all<T: Real>(
     inputs: &Inputs,
     registers: &mut [T],
     xs: &[Side<T>],
     ys: &[[T; 3]],
-) -> bool {
-    let mut least = [T::from_f64(1.0); WIDTH];
+) -> [T; 2] {
+    let mut spread = [[T::from_f64(1.0); WIDTH]; 2];
     for (to, y) in register(registers, inputs.squared_distance).chunks_exact_mut(xs.len()).zip(ys) {
         for (to, x) in to.iter_mut().zip(xs) {
-            squared_distance(to, x, &[[y[0]; WIDTH], [y[1]; WIDTH], [y[2]; WIDTH]], &mut least);
+            squared_distance(to, x, &[[y[0]; WIDTH], [y[1]; WIDTH], [y[2]; WIDTH]], &mut spread);
         }
     }
     for axis in 0..3 {
@@ -67,7 +70,18 @@ pub(crate) fn write_all<T: Real>(
             }
         }
     }
-    least.contains(&T::from_f64(0.0))
+    ends(&spread)
+}
+
+/// The least and the greatest of all lanes.
+#[inline(always)]
+pub(crate) fn ends<T: Real>(spread: &Spread<T>) -> [T; 2] {
+    let [mut least, mut greatest] = [spread[0][0], spread[1][0]];
+    for (&low, &high) in spread[0].iter().zip(&spread[1]) {
+        least = if low < least { low } else { least };
+        greatest = if high > greatest { high } else { greatest };
+    }
+    [least, greatest]
 }
 
 /// Brings some pairs to the lanes of a chunk.
@@ -76,11 +90,11 @@ pub(crate) fn write<T: Real>(
     inputs: &Inputs,
     registers: &mut [T],
     chunk: usize,
-    x: &Side<T>,
-    y: &Side<T>,
+    [x, y]: [&Side<T>; 2],
+    spread: &mut Spread<T>,
 ) {
     let to = register(registers, inputs.squared_distance);
-    squared_distance(&mut to[chunk], x, y, &mut [T::from_f64(1.0); WIDTH]);
+    squared_distance(&mut to[chunk], x, y, spread);
     for axis in 0..3 {
         if inputs.difference[axis].is_some() {
             let to = &mut register(registers, inputs.difference[axis])[chunk];
@@ -97,13 +111,13 @@ pub(crate) fn write<T: Real>(
     }
 }
 
-/// |x − y|², and the smallest so far.
+/// |x − y|², and the smallest and the greatest so far.
 #[inline(always)]
 fn squared_distance<T: Real>(
     to: &mut [T; WIDTH],
     x: &Side<T>,
     y: &Side<T>,
-    least: &mut [T; WIDTH],
+    [least, greatest]: &mut Spread<T>,
 ) {
     // Axis by axis, and written at the end: so it is compiled for all lanes at once.
     let mut square = [T::from_f64(0.0); WIDTH];
@@ -115,6 +129,7 @@ fn squared_distance<T: Real>(
     }
     for lane in 0..WIDTH {
         least[lane] = if square[lane] < least[lane] { square[lane] } else { least[lane] };
+        greatest[lane] = if square[lane] > greatest[lane] { square[lane] } else { greatest[lane] };
     }
     *to = square;
 }

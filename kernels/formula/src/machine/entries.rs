@@ -3,7 +3,8 @@
 use farfield::{Real, dispatch};
 use pulp::{Simd, WithSimd};
 
-use crate::machine::batch::{WIDTH, side_by_side, write};
+use crate::machine::batch::{WIDTH, ends, side_by_side, write};
+use crate::machine::extended::Outermost;
 use crate::machine::program::{LANES, Program};
 use crate::machine::steps::{registers, run};
 
@@ -35,8 +36,10 @@ impl<T: Real> WithSimd for BlockEntries<'_, T> {
         let len = program.outputs.len();
         // Pairs in their order: y goes round while x stands.
         let mut pairs = xs.iter().flat_map(|x| ys.iter().map(move |y| (*x, *y)));
-        for entries in entries.chunks_mut(LANES * len) {
+        let mut outermost = Outermost::new(program);
+        for (part, entries) in entries.chunks_mut(LANES * len).enumerate() {
             let count = entries.len() / len;
+            let mut spread = [[T::from_f64(1.0); WIDTH]; 2];
             for (chunk, at) in (0..count).step_by(WIDTH).enumerate() {
                 let mut sides = [[[T::from_f64(0.0); 3]; WIDTH]; 2];
                 let width = WIDTH.min(count - at);
@@ -44,9 +47,16 @@ impl<T: Real> WithSimd for BlockEntries<'_, T> {
                     (sides[0][lane], sides[1][lane]) = (x, y);
                 }
                 let [x, y] = sides.each_ref().map(|side| side_by_side(&side[..width]));
-                write(&program.inputs, &mut registers, chunk, &x, &y);
+                write(&program.inputs, &mut registers, chunk, [&x, &y], &mut spread);
             }
             run(program, &mut registers, count);
+            if !outermost.serve(ends(&spread)) {
+                let pair = |index: usize| {
+                    let pair = part * LANES + index;
+                    (xs[pair / ys.len()], ys[pair % ys.len()])
+                };
+                outermost.see(&mut registers, count, &pair);
+            }
             for (k, output) in program.outputs.iter().enumerate() {
                 let found = &registers[output * LANES..][..count];
                 let to = entries.iter_mut().skip(k).step_by(len);

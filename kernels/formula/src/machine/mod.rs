@@ -4,6 +4,7 @@
 pub(crate) mod batch;
 pub(crate) mod cost;
 pub(crate) mod entries;
+pub(crate) mod extended;
 pub(crate) mod program;
 pub(crate) mod steps;
 pub(crate) mod sums;

@@ -16,10 +16,21 @@ pub(crate) struct Program<T> {
     /// The registers of what pairs bring along, if the formula asks for it.
     pub(crate) inputs: Inputs,
     pub(crate) steps: Vec<Step<T>>,
+    /// Constants and instructions before their numbers were rounded.
+    pub(crate) exact: Exact,
+    /// Whether all of their numbers are within the range of the precision.
+    pub(crate) fits: bool,
     /// Where the entries are in the end.
     pub(crate) outputs: Vec<usize>,
     /// How many registers there are.
     pub(crate) registers: usize,
+}
+
+/// What a program is in double precision.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Exact {
+    pub(crate) constants: Vec<f64>,
+    pub(crate) steps: Vec<Step<f64>>,
 }
 
 /// The registers of what a formula is of.
@@ -55,19 +66,48 @@ pub(crate) enum Operation<T> {
     Select(Comparison),
 }
 
+impl<T: Real> Step<T> {
+    /// The same instruction, its numbers rounded.
+    fn rounded(step: &Step<f64>) -> Self {
+        let Step { operation, output, operands } = *step;
+        Self { operation: operation.map(T::from_f64), output, operands }
+    }
+}
+
+impl<T: Copy> Operation<T> {
+    /// The number that it holds.
+    fn number(self) -> Option<T> {
+        match self {
+            Self::Unary(_) | Self::Binary(_) | Self::Select(_) => None,
+            Self::AddConstant(c)
+            | Self::SubtractFrom(c)
+            | Self::MultiplyConstant(c)
+            | Self::PowerConstant(c) => Some(c),
+        }
+    }
+
+    fn map<V>(self, of: impl Fn(T) -> V) -> Operation<V> {
+        match self {
+            Self::Unary(function) => Operation::Unary(function),
+            Self::Binary(operator) => Operation::Binary(operator),
+            Self::Select(comparison) => Operation::Select(comparison),
+            Self::AddConstant(c) => Operation::AddConstant(of(c)),
+            Self::SubtractFrom(c) => Operation::SubtractFrom(of(c)),
+            Self::MultiplyConstant(c) => Operation::MultiplyConstant(of(c)),
+            Self::PowerConstant(c) => Operation::PowerConstant(of(c)),
+        }
+    }
+}
+
 impl<T: Real> Program<T> {
     /// The instructions that give some entries. O(operations).
     pub(crate) fn new(graph: &Graph, entries: &[Id]) -> Self {
         let needed = graph.needed(entries);
         let mut compiler = Compiler {
             graph,
-            program: Self {
-                constants: Vec::new(),
-                inputs: Inputs::default(),
-                steps: Vec::new(),
-                outputs: Vec::new(),
-                registers: 0,
-            },
+            exact: Exact::default(),
+            inputs: Inputs::default(),
+            registers: 0,
             places: vec![None; graph.len()],
             last_uses: last_uses(graph, &needed, entries),
             free: Vec::new(),
@@ -78,9 +118,23 @@ impl<T: Real> Program<T> {
         for (id, node) in graph.nodes().filter(|(id, _)| needed[id.index()]) {
             compiler.step(id, node);
         }
-        let Compiler { mut program, places, .. } = compiler;
-        program.outputs = entries.iter().filter_map(|entry| places[entry.index()]).collect();
-        program
+        let Compiler { exact, inputs, registers, places, .. } = compiler;
+        let numbers = exact.steps.iter().filter_map(|step| step.operation.number());
+        let in_range = |&x: &f64| x == 0.0 || T::from_f64(x).is_normal();
+        // Operations on constants alone are left where their results are out of range.
+        let folded = |node: Node| node.operands().any(|id| graph.constant_at(id).is_none());
+        let of_none = |node: Node| node.operands().next().is_none();
+        let mut nodes = graph.nodes().filter(|(id, _)| needed[id.index()]).map(|(_, node)| node);
+        Self {
+            fits: numbers.chain(exact.constants.iter().copied()).all(|x| in_range(&x))
+                && nodes.all(|node| of_none(node) || folded(node)),
+            constants: exact.constants.iter().map(|&c| T::from_f64(c)).collect(),
+            steps: exact.steps.iter().map(Step::rounded).collect(),
+            outputs: entries.iter().filter_map(|entry| places[entry.index()]).collect(),
+            exact,
+            inputs,
+            registers,
+        }
     }
 }
 
@@ -94,9 +148,11 @@ fn last_uses(graph: &Graph, needed: &[bool], entries: &[Id]) -> Vec<usize> {
     last
 }
 
-struct Compiler<'a, T> {
+struct Compiler<'a> {
     graph: &'a Graph,
-    program: Program<T>,
+    exact: Exact,
+    inputs: Inputs,
+    registers: usize,
     /// The register of each operation.
     places: Vec<Option<usize>>,
     last_uses: Vec<usize>,
@@ -104,19 +160,20 @@ struct Compiler<'a, T> {
     free: Vec<usize>,
 }
 
-impl<T: Real> Compiler<'_, T> {
+impl Compiler<'_> {
     /// Gives registers to the constants that no instruction holds.
     fn constants(&mut self, needed: &[bool], entries: &[Id]) {
         let mut held = vec![false; self.graph.len()];
         entries.iter().for_each(|entry| held[entry.index()] = true);
         for (_, node) in self.graph.nodes().filter(|(id, _)| needed[id.index()]) {
-            if self.with_constant(node).is_none() {
-                node.operands().for_each(|operand| held[operand.index()] = true);
+            match self.with_constant(node) {
+                Some((_, operand)) => held[operand.index()] = true,
+                None => node.operands().for_each(|operand| held[operand.index()] = true),
             }
         }
         for (id, _) in self.graph.nodes().filter(|(id, _)| held[id.index()] && needed[id.index()]) {
             if let Some(x) = self.graph.constant_at(id) {
-                self.program.constants.push(T::from_f64(x));
+                self.exact.constants.push(x);
                 self.places[id.index()] = Some(self.register());
             }
         }
@@ -129,7 +186,7 @@ impl<T: Real> Compiler<'_, T> {
             if let Node::Input(input) = node {
                 let register = Some(self.register());
                 self.places[id.index()] = register;
-                let inputs = &mut self.program.inputs;
+                let inputs = &mut self.inputs;
                 match input {
                     Input::Difference(axis) => inputs.difference[axis] = register,
                     Input::SquaredDistance => inputs.squared_distance = register,
@@ -138,8 +195,8 @@ impl<T: Real> Compiler<'_, T> {
                 }
             }
         }
-        if self.program.inputs.squared_distance.is_none() {
-            self.program.inputs.squared_distance = Some(self.register());
+        if self.inputs.squared_distance.is_none() {
+            self.inputs.squared_distance = Some(self.register());
         }
     }
 
@@ -171,13 +228,13 @@ impl<T: Real> Compiler<'_, T> {
                 self.free.extend(self.places[operand.index()]);
             }
         }
-        self.program.steps.push(Step { operation, output, operands: places });
+        self.exact.steps.push(Step { operation, output, operands: places });
     }
 
     /// An operation with a constant, which its instruction holds, and the other operand.
-    fn with_constant(&self, node: Node) -> Option<(Operation<T>, Id)> {
+    fn with_constant(&self, node: Node) -> Option<(Operation<f64>, Id)> {
         let Node::Binary(operator, a, b) = node else { return None };
-        let constant = |id| self.graph.constant_at(id).map(T::from_f64);
+        let constant = |id| self.graph.constant_at(id);
         match (operator, constant(a), constant(b)) {
             (Binary::Add, _, Some(c)) => Some((Operation::AddConstant(c), a)),
             (Binary::Multiply, _, Some(c)) => Some((Operation::MultiplyConstant(c), a)),
@@ -188,7 +245,7 @@ impl<T: Real> Compiler<'_, T> {
     }
 
     fn register(&mut self) -> usize {
-        self.program.registers += 1;
-        self.program.registers - 1
+        self.registers += 1;
+        self.registers - 1
     }
 }

@@ -4,6 +4,7 @@ use farfield::{Real, dispatch};
 use pulp::{Simd, WithSimd};
 
 use crate::machine::batch::{WIDTH, side_by_side, write_all};
+use crate::machine::extended::Outermost;
 use crate::machine::program::{LANES, Program};
 use crate::machine::steps::{fill_constants, registers, run};
 
@@ -83,6 +84,7 @@ impl<T: Real> WithSimd for BlockSums<'_, T> {
         let zero = T::from_f64(0.0);
         let rows = program.outputs.len() / densities * columns;
         let mut registers = registers(program);
+        let mut outermost = Outermost::new(program);
         // Entries that are constants are cleared where they stand, and have to be filled in again.
         let constant = program.outputs.iter().any(|output| *output < program.constants.len());
         let mut sums = vec![[zero; TARGETS]; rows];
@@ -97,9 +99,15 @@ impl<T: Real> WithSimd for BlockSums<'_, T> {
             let each = LANES / width;
             for (part, ys) in ys.chunks(each).enumerate() {
                 let first = part * each;
-                let may_coincide = write_all(&program.inputs, &mut registers, sides, ys);
+                let spread = write_all(&program.inputs, &mut registers, sides, ys);
                 run(program, &mut registers, ys.len() * width);
-                let instead = self.coincident.filter(|_| may_coincide);
+                if !outermost.serve(spread) {
+                    // Places beyond the last target hold it again.
+                    let pair =
+                        |index: usize| (xs[(index % width).min(xs.len() - 1)], ys[index / width]);
+                    outermost.see(&mut registers, ys.len() * width, &pair);
+                }
+                let instead = self.coincident.filter(|_| spread[0] == zero);
                 if instead.is_some() {
                     self.clear(&mut registers, xs, ys);
                 }

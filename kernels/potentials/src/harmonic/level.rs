@@ -51,6 +51,9 @@ impl<T: Real> Harmonic<T> {
         locals.par_chunks_mut(chunk * len).enumerate().for_each_init(
             || (Scratch::new(self), zeros(), zeros()),
             |(scratch, from, to), (index, locals)| {
+                if level.is_stopped() {
+                    return;
+                }
                 let first = chunk * index;
                 let mut pairs: Vec<_> = (0..locals.len() / len)
                     .flat_map(|t| level.sources_of(first + t).map(move |s| (t, s)))
