@@ -8,12 +8,12 @@ use farfield_scenes::{Fields, Mesh, Output, OutputError, Picture, Scene, Sight, 
 use super::args::{Args, QuantityName, VisibilityName};
 use super::failure::Failure;
 use super::figures::Figures;
-use super::interrupt::Interrupt;
-use super::progress::Progress;
 use super::report::Report;
 use super::solve::Exchange;
 use super::warning::Warning;
 use super::{exr, factors, npy};
+use crate::interrupt::Interrupt;
+use crate::progress::Progress;
 
 /// What a table of form factors may leave out of each row, in units of the tolerance.
 const LISTED: f64 = 1e-2;
