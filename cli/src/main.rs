@@ -10,8 +10,10 @@
 //! and, say, `farfield radiosity --help` explain every flag.
 
 mod factors;
+mod interrupt;
 mod kernels;
 mod memory;
+mod progress;
 mod radiosity;
 mod sum;
 

@@ -69,7 +69,7 @@ fn a_cube_has_its_closed_forms_in_the_table_of_view3d() {
 fn a_blocker_in_a_corner_of_a_pair_hides_a_quarter() {
     let pair = "F 3\nV 1 0 0 0\nV 2 1 0 0\nV 3 1 1 0\nV 4 0 1 0\nV 5 0 0 1\nV 6 1 0 1\nV 7 1 1 1\n\
         V 8 0 1 1\nV 9 0 0 .5\nV 10 .5 0 .5\nV 11 .5 .5 .5\nV 12 0 .5 .5\n\
-        S 1 1 2 3 4 0 0 .5 low\nS 2 7 6 5 8 0 0 .5 high\nS 3 9 10 11 12 0 0 .5 between\n";
+        S 1 1 2 3 4 0 0 .5 low\nS 2 7 6 5 8 0 0 .5 high\nS 3 9 10 11 12 0 0 .5 between\nEnd\n";
     let lines = table(pair);
     close(lines[1][1], 0.149_868_671_8, "low to high");
     close(lines[3][1], 0.415_253_283_6, "blocker to high");
@@ -164,6 +164,21 @@ fn tables_come_in_csv_and_refusals_name_lines() {
     );
     let (_, sparse) = run(CUBE, "room.csv", &["--sparse", "0.1999"]);
     assert_eq!(sparse.lines().count(), 1 + 6 * 4);
+    // Walls of one name count together, and the rest is the rest.
+    let walls = ["west", "south", "east", "north"];
+    let named = walls.iter().fold(CUBE.to_owned(), |text, wall| text.replace(wall, "wall"));
+    let (output, some) = run(&named, "room.csv", &["--between", "wall", "low", "--quiet"]);
+    assert!(output.status.success() && output.stderr.is_empty(), "{output:?}");
+    let rows: Vec<Vec<f64>> = some
+        .lines()
+        .skip(1)
+        .map(|line| line.split(',').skip(1).map(|word| word.parse().expect("a number")).collect())
+        .collect();
+    assert!(some.starts_with("name,area,emissivity,wall,low,rest\nwall,4,0.5,"), "{some}");
+    close(rows[0][2], OPPOSITE + 2.0 * BESIDE, "walls to walls");
+    close(rows[0][3], BESIDE, "walls to the floor");
+    close(rows[1][2], 4.0 * BESIDE, "the floor to walls");
+    close(rows[1][4], OPPOSITE, "the floor to the ceiling");
     // All faces are different materials of one file.
     let (output, file) = run(CUBE, "room.csv", &["--by", "file"]);
     assert!(file.starts_with("name,area,emissivity,room.vs3,rest\nroom.vs3,6,0.5,"), "{output:?}");
@@ -171,7 +186,27 @@ fn tables_come_in_csv_and_refusals_name_lines() {
         file.lines().nth(1).and_then(|l| l.split(',').nth(3)?.parse().ok()).expect("one");
     assert!((own - 1.0).abs() < 1e-6);
     for (text, out, more, expected) in [
-        (CUBE.replace("V 3", "V 2"), "a.txt", &[][..], "room.vs3, line 6: expected a new vertex"),
+        (
+            CUBE.replace("End\n", ""),
+            "a.txt",
+            &[][..],
+            "room.vs3, line 17: expected a line that begins",
+        ),
+        (
+            CUBE.replace("3 1 1 0", "3 1 1 0 5"),
+            "a.txt",
+            &[],
+            "room.vs3, line 6: expected a number and",
+        ),
+        ("F 3\nEnd\n".to_owned(), "a.txt", &[], "room.vs3: expected surfaces, found none"),
+        (
+            CUBE.to_owned(),
+            "a.csv",
+            &["--between", "low", "roof"],
+            "expected names of surfaces, of which there are `low`, `west`, `south`, `high`, `east`, \
+             `north`; found `roof`",
+        ),
+        (CUBE.replace("V 3", "V 2"), "a.txt", &[], "room.vs3, line 6: expected a new vertex"),
         (CUBE.to_owned(), "a.vtk", &[], "a.vtk: expected a file that ends in .csv, .npy or .txt"),
         (CUBE.to_owned(), "a.npy", &["--sparse", "0.1"], "expected a file that ends in .csv for"),
         (CUBE.replace("S ", "O "), "a.txt", &["--tolerance", "2"], "between 0 and 1"),

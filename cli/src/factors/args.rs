@@ -27,6 +27,11 @@ pub(crate) struct Args {
     #[arg(long, value_enum)]
     pub(crate) by: Option<By>,
 
+    /// Factors between these alone, summed over all that have the same name: surfaces of .vs3, otherwise materials,
+    /// or files by `--by file`. Everything else hides what it hides, and counts as `rest`
+    #[arg(long, value_name = "NAME", num_args = 1..)]
+    pub(crate) between: Vec<String>,
+
     /// By how much a factor between two surfaces may be off, between 0 and 1
     #[arg(long, value_name = "ERROR", default_value_t = 1e-4, value_parser = fraction)]
     pub(crate) tolerance: f64,
@@ -34,6 +39,10 @@ pub(crate) struct Args {
     /// Writes a line `from,to,factor` for each factor of at least so much, for .csv alone
     #[arg(long, value_name = "FACTOR", value_parser = fraction)]
     pub(crate) sparse: Option<f64>,
+
+    /// No bars
+    #[arg(long)]
+    pub(crate) quiet: bool,
 
     /// Number of threads; 0 takes one per core. The result is the same for any number
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u16).range(..=1024))]

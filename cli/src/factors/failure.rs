@@ -15,6 +15,12 @@ pub(crate) enum Failure {
     Radiosity(#[from] farfield_radiosity::Error),
     #[error(transparent)]
     Output(#[from] OutputError),
+    #[error("cannot listen to Ctrl-C: {0}")]
+    Interrupt(#[from] ctrlc::Error),
+    #[error("{0}: expected surfaces, found none")]
+    NoSurfaces(String),
+    #[error("--between: expected names of {kind}, of which there are {known}; found `{name}`")]
+    Unnamed { name: String, kind: &'static str, known: String },
     #[error("the scene has {0} points: expected none, as only surfaces have form factors")]
     Points(usize),
     #[error("{}: expected a file that ends in .csv, .npy or .txt", _0.display())]

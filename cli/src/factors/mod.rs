@@ -14,12 +14,14 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use farfield_radiosity::{Occluders, Triangle};
-use farfield_scenes::{Output, Scene, View3d, load};
+use farfield_scenes::{Output, Scene, SceneError, View3d, load};
 
 use self::args::By;
 use self::failure::Failure;
 use self::groups::Groups;
 use self::matrix::Matrix;
+use crate::interrupt::Interrupt;
+use crate::progress::Progress;
 
 /// Does what the command line asks for.
 pub(crate) fn main(args: &Args) -> ExitCode {
@@ -42,8 +44,10 @@ fn run(args: &Args) -> Result<(), Failure> {
     let folder = args.out.parent().filter(|folder| !folder.as_os_str().is_empty());
     let mut output = Output::new(folder.unwrap_or(Path::new(".")))?;
     output.check(&args.out)?;
+    let interrupt = Interrupt::by_ctrl_c("factors")?;
     rayon::ThreadPoolBuilder::new().num_threads(args.threads.into()).build_global()?;
     let (matrix, controls) = factors(args)?;
+    interrupt.hold(true);
     output.write_at(&args.out, |file| match (format, args.sparse) {
         ("npy", _) => table::npy(file, &matrix),
         ("txt", _) => table::view3d(file, &matrix, controls),
@@ -57,20 +61,53 @@ fn run(args: &Args) -> Result<(), Failure> {
 fn factors(args: &Args) -> Result<(Matrix, [u32; 3]), Failure> {
     let path = Path::new(&args.scene);
     let is_view3d = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("vs3"));
+    let progress = Progress::new(args.quiet);
+    let matrix = |groups: Groups, scene: &Scene| {
+        let bar = progress.bar("factors");
+        Matrix::new(groups, &occluders(scene)?, args.tolerance, bar.shower())
+    };
     if is_view3d && args.by.is_none() {
         let found = View3d::read(path)?;
         found.scene.check()?;
-        let groups = Groups::of_view3d(&found)?;
-        let matrix = Matrix::new(groups, &occluders(&found.scene)?, args.tolerance)?;
+        let matrix = matrix(Groups::of_view3d(&found)?, &found.scene)?;
         let reflects = found.controls[2] == 1;
         let matrix = if reflects { matrix.reflecting()? } else { matrix };
-        return Ok((matrix, found.controls));
+        return Ok((between(matrix, args, "surfaces")?, found.controls));
     }
-    let scene = load(&args.scene)?;
-    let groups = Groups::of_scene(&scene, args.by.unwrap_or(By::Surface))?;
-    let matrix = Matrix::new(groups, &occluders(&scene)?, args.tolerance)?;
-    Ok((matrix, [1, u32::from(scene.closed), 0]))
+    let scene = load(&args.scene).map_err(|error| match error {
+        SceneError::Empty => Failure::NoSurfaces(args.scene.clone()),
+        error => Failure::Scene(error),
+    })?;
+    // Surfaces of meshes have no names of their own.
+    let default = if args.between.is_empty() { By::Surface } else { By::Material };
+    let by = args.by.unwrap_or(default);
+    let kind = match by {
+        By::Surface => "surfaces",
+        By::Material => "materials",
+        By::File => "files",
+    };
+    let matrix = matrix(Groups::of_scene(&scene, by)?, &scene)?;
+    Ok((between(matrix, args, kind)?, [1, u32::from(scene.closed), 0]))
 }
+
+/// The factors between what was asked for, of this kind.
+fn between(matrix: Matrix, args: &Args, kind: &'static str) -> Result<Matrix, Failure> {
+    if args.between.is_empty() {
+        return Ok(matrix);
+    }
+    matrix.between(&args.between).map_err(|name| {
+        let mut names: Vec<&str> = matrix.groups.iter().map(|group| &group.name[..]).collect();
+        names.dedup();
+        let more = names.len().saturating_sub(SHOWN);
+        names.truncate(SHOWN);
+        let known = names.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ");
+        let known = if more > 0 { format!("{known} and {more} more") } else { known };
+        Failure::Unnamed { name, kind, known }
+    })
+}
+
+/// Names that a refusal lists.
+const SHOWN: usize = 12;
 
 /// What hides: all surfaces, in triangles.
 fn occluders(scene: &Scene) -> Result<Occluders, farfield_radiosity::Error> {

@@ -12,13 +12,13 @@ use farfield_scenes::{
 use super::args::{Args, QuantityName, VisibilityName};
 use super::failure::Failure;
 use super::figures::Figures;
-use super::interrupt::Interrupt;
-use super::progress::Progress;
 use super::report::Report;
 use super::report_page::{self, Exhibits};
 use super::solve::{Exchange, RESIDUAL};
 use super::warning::Warning;
 use super::{exr, factors, npy};
+use crate::interrupt::Interrupt;
+use crate::progress::Progress;
 
 /// What a table of form factors may leave out of each row, in units of the tolerance.
 const LISTED: f64 = 1e-2;

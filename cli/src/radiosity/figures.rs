@@ -6,10 +6,10 @@ use super::args::{Args, VisibilityName};
 use super::balance::RowSums;
 use super::check::Check;
 use super::negative::Negative;
-use super::progress::Progress;
 use super::report::{Pairs, Report};
 use super::warning::Warning;
 use crate::memory::peak_memory_bytes;
+use crate::progress::Progress;
 
 /// What a run on one mesh measured.
 pub(crate) struct Figures {

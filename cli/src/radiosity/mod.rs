@@ -17,10 +17,8 @@ mod figures;
 #[cfg(test)]
 mod fixture;
 mod gather;
-mod interrupt;
 mod negative;
 mod npy;
-mod progress;
 mod report;
 mod report_page;
 mod simulation;
@@ -36,8 +34,8 @@ use farfield_scenes::{Output, Scene, load};
 
 use self::args::QuantityName;
 use self::failure::Failure;
-use self::interrupt::Interrupt;
 use self::report::Report;
+use crate::interrupt::Interrupt;
 
 /// Does what the command line asks for.
 pub(crate) fn main(args: &Args) -> ExitCode {
@@ -62,7 +60,7 @@ pub(crate) fn main(args: &Args) -> ExitCode {
 }
 
 fn run(args: &Args) -> Result<Report, Failure> {
-    let interrupt = Interrupt::by_ctrl_c()?;
+    let interrupt = Interrupt::by_ctrl_c("radiosity")?;
     let output = Output::new(&args.out)?;
     rayon::ThreadPoolBuilder::new().num_threads(args.threads).build_global()?;
     let scene = load(&args.scene)?.cut_where_surfaces_meet();

@@ -17,12 +17,12 @@ use super::delivery::{Solved, deliver, write_factors};
 use super::failure::Failure;
 use super::figures::Figures;
 use super::gather::{Ending, Gather, Method};
-use super::interrupt::Interrupt;
 use super::negative::Negative;
-use super::progress::Progress;
 use super::report::{Pairs, Report};
 use super::solve::Exchange;
 use super::warning::Warning;
+use crate::interrupt::Interrupt;
+use crate::progress::Progress;
 
 /// Elements at which the gathered light is held against direct summation.
 const SAMPLES: usize = 1000;

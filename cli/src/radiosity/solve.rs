@@ -11,8 +11,8 @@ use farfield_radiosity::{
 use rayon::prelude::*;
 
 use super::args::SolverName;
-use super::interrupt::Interrupt;
-use super::progress::Progress;
+use crate::interrupt::Interrupt;
+use crate::progress::Progress;
 use farfield_scenes::Optics;
 
 /// The equation's residual in units of the tolerance: small enough not to add to the error.

@@ -62,14 +62,16 @@ impl View3d {
     /// The surfaces in a file.
     ///
     /// # Errors
-    /// [`SceneError::Read`], or [`SceneError::Line`] for the first line that isn't what it should be.
+    /// [`SceneError::Read`], or [`SceneError::Line`] for the first line that isn't what it should be or if the
+    /// line that ends the data is missing; [`SceneError::File`] if there are no surfaces.
     pub fn read(path: &Path) -> Result<Self, SceneError> {
         let text = read_text(path)?;
         let mut reader = Reader::default();
-        for line in Lines::new(path, &text).commented(&['!', '/']) {
-            if !reader.read(line)? {
-                break;
-            }
+        let mut lines = Lines::new(path, &text).commented(&['!', '/']);
+        while reader.read(lines.expect("a line that begins with E and ends the data")?)? {}
+        if reader.found.surfaces.is_empty() {
+            let expected = "surfaces, found none".to_owned();
+            return Err(SceneError::File { path: path.to_owned(), expected });
         }
         let numbers = (1..=reader.found.surfaces.len() as u32).collect();
         reader.found.scene.parts = vec![Part { kind: "surface", numbers, ..Part::default() }];
@@ -161,6 +163,10 @@ impl Reader {
     fn read_vertex(&mut self, line: &Line) -> Result<(), SceneError> {
         let number = number(line, 0)?;
         let place = line.point(1)?;
+        if line.words.len() > 4 {
+            let found = line.quoted();
+            return Err(line.refusal(format!("a number and three coordinates, found {found}")));
+        }
         let index = self.found.scene.vertices.len() as u32;
         if number == 0 || self.vertices.insert(number, index).is_some() {
             return Err(line.refusal(format!("a new vertex from 1 on, found {number} again")));
@@ -209,10 +215,17 @@ impl Reader {
             None if covers => return Err(line.refusal("the number of a base, found 0")),
             None => (),
         }
-        let name = match line.words.get(8) {
-            Some(name) => (*name).to_owned(),
-            None => format!("surface-{own}"),
-        };
+        let name = line.words.get(8..).unwrap_or_default();
+        // A number there, but for one that may be a name, is one too many before it.
+        let is_number = |word: &&str| word.parse::<f64>().is_ok();
+        let is_whole = |word: &&str| word.bytes().all(|byte| byte.is_ascii_digit());
+        if name.first().is_some_and(|word| is_number(word) && (name.len() > 1 || !is_whole(word))) {
+            let found = line.quoted();
+            return Err(line.refusal(format!(
+                "four vertices, a base, a surface to add to, an emissivity and a name, found {found}"
+            )));
+        }
+        let name = if name.is_empty() { format!("surface-{own}") } else { name.join(" ") };
         let scene = &mut self.found.scene;
         let reflectance = [1.0 - emissivity; RGB_BANDS];
         scene.materials.push(Material::rgb(&name, reflectance, [0.0; RGB_BANDS]));
@@ -295,6 +308,20 @@ mod tests {
     }
 
     #[test]
+    fn names_may_have_spaces_or_be_whole_numbers() {
+        let text = PLANES.replace("bottom", "the floor").replace("0.5 top", "0.5 12");
+        let found = read(&text).expect("valid");
+        let names: Vec<_> = found.surfaces.iter().take(2).map(|s| &s.name[..]).collect();
+        assert_eq!(names, ["the floor", "12"]);
+    }
+
+    #[test]
+    fn a_file_without_surfaces_is_refused_by_name() {
+        let message = read("T nothing\nF 3\nV 1 0 0 0\nEnd\n").expect_err("empty").to_string();
+        assert!(message.ends_with("room.vs3: expected surfaces, found none"), "{message}");
+    }
+
+    #[test]
     fn malformed_files_are_refused_at_the_line() {
         for (from, to, line, expected) in [
             ("F  3", "F 3a", 3, "the geometry 3, found `3a`"),
@@ -318,6 +345,10 @@ mod tests {
             ("12 11 10 9  1 0", "9 10 11 12  1 0", 19, "a surface within its base `bottom`"),
             ("12 11 10 9  1 0", "12 11 10 9  2 0", 19, "a surface within its base `top`"),
             ("S 4  8", "S x  8", 20, "a whole number at place 1"),
+            ("V 2 1. 0. 0.", "V 2 1. 0. 0. 0.", 6, "a number and three coordinates, found `2 1."),
+            ("0 0 0.90 bottom", "0 0 0 0.90 bottom", 17, "four vertices, a base, a surface to add"),
+            ("0 2 .5\n", "0 2 0 .5\n", 20, "four vertices, a base, a surface to add to"),
+            ("End of data\nrubbish\n", "", 21, "ends the data, found the end of the file"),
         ] {
             let text = PLANES.replacen(from, to, 1);
             assert_ne!(text, PLANES, "{from}");

@@ -13,11 +13,11 @@ pub(crate) struct Interrupt {
 }
 
 impl Interrupt {
-    /// One that Ctrl-C asks, for the rest of the program.
+    /// One that Ctrl-C asks, for the rest of the program, which is this command.
     ///
     /// # Errors
     /// If the system doesn't tell of Ctrl-C.
-    pub(crate) fn by_ctrl_c() -> Result<Arc<Self>, ctrlc::Error> {
+    pub(crate) fn by_ctrl_c(command: &'static str) -> Result<Arc<Self>, ctrlc::Error> {
         let interrupt = Arc::new(Self::default());
         let asked = Arc::clone(&interrupt);
         ctrlc::set_handler(move || {
@@ -28,7 +28,7 @@ impl Interrupt {
                 "nothing more is written"
             };
             // Below the bar, if any. Whoever reads this may have gone away.
-            drop(writeln!(io::stderr(), "\nfarfield radiosity: interrupted: {what}"));
+            drop(writeln!(io::stderr(), "\nfarfield {command}: interrupted: {what}"));
             if !goes_on {
                 std::process::exit(EXIT_CODE);
             }
