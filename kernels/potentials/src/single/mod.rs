@@ -1,13 +1,13 @@
 //! Blocks of double precision in registers of single precision, for tolerances that allow it.
 //!
 //! With c the middle of the sources, coordinates are rounded as differences from c, in units of a power of two:
-//! a = (x − c)/2ᵏ, b = (y − c)/2ᵏ, d ≈ a − b. With u = 2⁻²⁴, X = |x − c| and Y the greatest |y − c|, d is off by
-//! at most u (X + Y), and by u |d| more. A pair is close if
+//! a = (x − c)/2ᵏ, b = (y − c)/2ᵏ, d ≈ a − b. With u = 2⁻²⁴, X = |x − c| and |y − c| ≤ X + r, d is off by at most
+//! u (2 X + r), and by u r more. A pair is close if
 //!
-//! r < (X + Y)/ρ,
+//! r < 2 X/(ρ − 1),    that is, if (2 X + r)/r > ρ,
 //!
-//! where rounding may use too much of its tolerance; [`ratio`] says ρ. Close pairs are left out of the loop, as coincident
-//! ones are, and summed in double precision.
+//! where rounding may use too much of its tolerance; [`ratio`] says ρ. Close pairs are left out of the loop, as
+//! coincident ones are, and summed in double precision.
 //!
 //! Charges are in units of a power of two for each column. Sums are formed in pieces of [`PIECE`] sources, and from
 //! [`CHUNK`] to [`CHUNK`] in double precision. A piece without close pairs needs no comparison but of the least r²; one
@@ -24,7 +24,7 @@ use farfield::{Numbers, Point, Real, Vector};
 use pulp::Simd;
 
 use crate::exponent::Exponent;
-use crate::group::{LANES, Sums, difference, group_size, lanes, load};
+use crate::group::{LANES, Sums, Targets, difference, group_size, lanes, load};
 use crate::law::Law;
 use crate::output::Output;
 use crate::pair::add_pair;
@@ -165,7 +165,7 @@ impl Single {
     {
         let how = (self.law, digits, O::GRADIENT);
         let x = load::<f32, S, _, G>(simd, xs, |x| round::<T>(x, sources.centre, self.scale));
-        let least = self.least(simd, &x, sources.spread);
+        let least = self.least(simd, &x);
         let one = f32::splat(simd, 1.0);
         let mut sums = Sums::<f32, S, G, N>::zero(simd);
         let count = sources.ys.len();
@@ -218,33 +218,30 @@ impl Single {
         sums.add_to::<T, C, O>(units, &sources.charges, us);
     }
 
-    /// The least r² of pairs that aren't close, target by target: (X + Y)² ≤ 2 (X² + Y²).
+    /// The least r² of pairs that aren't close, target by target.
     #[inline(always)]
     fn least<S: Simd, const G: usize>(
         self,
         simd: S,
-        x: &[[<f32 as Registers>::Register<S>; G]; 3],
-        spread: f32,
+        x: &Targets<f32, S, G>,
     ) -> [<f32 as Registers>::Register<S>; G] {
         // By so much r may be less than it was rounded to.
-        let factor = 2.0 * (self.ratio.recip() + 4.0 * ROUNDING).powi(2) * (1.0 + 64.0 * ROUNDING);
-        let (factor, y2) = (simd.splat_f32s(factor as f32), simd.splat_f32s(spread));
-        let close = simd.splat_f32s(CLOSE);
-        let mut least = [close; G];
+        let factor = (2.0 / (self.ratio - 1.0) + 4.0 * ROUNDING).powi(2) * (1.0 + 64.0 * ROUNDING);
+        let factor = simd.splat_f32s(factor as f32);
+        let mut least = [simd.splat_f32s(CLOSE); G];
         for g in 0..G {
-            let mut sum = y2;
             for x in x {
-                sum = f32::plus_product(simd, x[g], x[g], sum);
+                let square = f32::times(simd, x[g], x[g]);
+                least[g] = f32::plus_product(simd, square, factor, least[g]);
             }
-            least[g] = f32::plus_product(simd, sum, factor, close);
         }
         least
     }
 }
 
-/// ρ: how many times nearer than its rounded coordinates are from their origin a pair may be.
+/// ρ: how many times as long as r the coordinates of a pair may be together.
 ///
-/// K and its gradient are products of P = 2λ, or 2λ + 3, lengths, each off by η = (X + Y) u/r and by roundings; the error of
+/// K and its gradient are products of P = 2λ, or 2λ + 3, lengths, each off by η = ρ u and by roundings; the error of
 /// the sum is bounded by one rounding for each term of a piece and for each piece. With e the [`error`](Law::error) of
 /// reciprocals, all that is within the tolerance ε where
 ///

@@ -3,8 +3,6 @@
 use farfield::{Numbers, Point, Real, Vector};
 use pulp::Simd;
 
-use crate::group::LANES;
-
 /// Sources that are rounded at a time.
 pub(super) const CHUNK: usize = 256;
 /// Points that the middle of a chunk is found from.
@@ -16,8 +14,6 @@ pub(super) struct Sources<'a, T: Real, C, const N: usize> {
     pub(super) qs: &'a [C],
     pub(super) rounded: &'a Rounded<N>,
     pub(super) centre: [f64; 3],
-    /// Y²
-    pub(super) spread: f32,
     /// The unit of each column.
     pub(super) charges: [f64; N],
 }
@@ -42,15 +38,6 @@ impl<'a, T: Real, C: Numbers<Real = T>, const N: usize> Sources<'a, T, C, N> {
         for (j, y) in ys.iter().take(CHUNK).enumerate() {
             [a[j], b[j], c[j]] = round::<T>(*y, centre, scale);
         }
-        let mut y2 = [0.0; LANES];
-        for first in (0..ys.len()).step_by(LANES) {
-            for l in 0..LANES {
-                let j = (first + l) % CHUNK;
-                let square = a[j] * a[j] + b[j] * b[j] + c[j] * c[j];
-                y2[l] = if square > y2[l] { square } else { y2[l] };
-            }
-        }
-        let spread = y2.into_iter().fold(0.0, f32::max);
         let mut units = [0.0; N];
         for n in 0..N {
             let mut greatest = 0;
@@ -63,7 +50,7 @@ impl<'a, T: Real, C: Numbers<Real = T>, const N: usize> Sources<'a, T, C, N> {
                 *rounded = (q.number(n).as_f64() * inverse) as f32;
             }
         }
-        Self { ys, qs, rounded, centre, spread, charges: units }
+        Self { ys, qs, rounded, centre, charges: units }
     }
 }
 
