@@ -15,6 +15,8 @@ use farfield_potentials::{
 
 use super::args::{self, Args, Precision, Scheme};
 use super::error::Failure;
+use super::interrupt::Interrupt;
+use super::progress::shown;
 use super::read;
 use super::report::Report;
 use super::text;
@@ -104,14 +106,15 @@ where
     let kernel = PowerLaw::<E, T, T, O>::default();
     match args.expansion() {
         args::Expansion::Interpolation => {
-            let fmm = interpolated(args, kernel, input)?;
+            let fmm = shown(&args.watch, || interpolated(args, kernel, input))?;
             let order = fmm.expansion().nodes_per_axis();
             finish::<E, T, O, _>(args, input, &fmm, order, start)
         }
         args::Expansion::Harmonic => {
             let order = order::<E, O>(args)?;
             let builder = Fmm::with_expansion(HarmonicExpansion::new(kernel, order)?);
-            let fmm = planned(args, builder).build(&input.sources, &input.targets)?;
+            let build = || planned(args, builder).build(&input.sources, &input.targets);
+            let fmm = shown(&args.watch, build)?;
             finish::<E, T, O, _>(args, input, &fmm, order, start)
         }
     }
@@ -147,6 +150,7 @@ fn planned<'a, E: Expansion>(
     args: &Args,
     builder: Builder<'a, E, Unmasked>,
 ) -> Builder<'a, E, Unmasked> {
+    let builder = builder.watch(&args.watch);
     let builder = match args.scheme {
         Scheme::Auto => builder,
         Scheme::Fmm => builder.scheme(farfield::Scheme::Fmm),
@@ -174,7 +178,8 @@ where
     X: Expansion<Kernel = PowerLaw<E, T, T, O>>,
 {
     let plan_s = start.elapsed().as_secs_f64();
-    let (values, apply_s) = repeated(args.repeat, || fmm.apply(&input.charges))?;
+    let apply = || fmm.apply_watched(&input.charges, &args.watch);
+    let (values, apply_s) = shown(&args.watch, || repeated(args.repeat, apply))?;
     let peak_memory_bytes = peak_memory_bytes();
     let errors = Errors::measure::<E, T, O>(input, &values)?;
     let stats = fmm.report().stats;
@@ -183,6 +188,7 @@ where
         targets: input.targets.len(),
         kernel: args.kernel.clone(),
         gradient: args.gradient,
+        hessian: false,
         scheme: stats.scheme.to_string(),
         precision: args::name(args.precision),
         threads: rayon::current_num_threads(),
@@ -194,6 +200,7 @@ where
         repeat: args.repeat,
         relative_l2_error: errors.potential,
         gradient_relative_l2_error: args.gradient.then_some(errors.gradient),
+        hessian_relative_l2_error: None,
         sampled_targets: errors.sampled,
         terms_per_cell: stats.terms_per_cell,
         cells: stats.cells,
@@ -201,7 +208,7 @@ where
         leaf_size: stats.leaf_size,
         peak_memory_bytes,
     };
-    let columns = write::columns(1, args.gradient);
+    let columns = write::columns(1, args.derivatives());
     let row = |value: &<O as Output<T, T>>::Value| {
         let (u, [x, y, z]) = Row::<T>::parts(value);
         [u, x, y, z].into_iter().take(columns.len())
@@ -305,20 +312,20 @@ pub(super) fn publish<T: Number>(
     columns: &[String],
 ) -> Result<(), Failure> {
     match &args.report {
-        Some(path) => write_report(path, report)?,
+        Some(path) => write_report(&args.interrupt, path, report)?,
         None => print!("{report}"),
     }
     if let Some(expected) = report.tolerance.filter(|_| report.misses_tolerance()) {
         return Err(Failure::Inaccurate { found: report.error(), expected });
     }
     if let Some(path) = &args.out {
-        write::values(path, values, columns)?;
+        write::values(&args.interrupt, path, values, columns)?;
     }
     Ok(())
 }
 
-fn write_report(path: &Path, report: &Report) -> Result<(), WriteError> {
-    write::whole_file(path, |file| {
+fn write_report(interrupt: &Interrupt, path: &Path, report: &Report) -> Result<(), WriteError> {
+    write::whole_file(interrupt, path, |file| {
         serde_json::to_writer_pretty(&mut *file, report).map_err(io::Error::other)?;
         writeln!(file)
     })

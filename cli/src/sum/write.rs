@@ -2,13 +2,15 @@
 
 use std::ffi::OsStr;
 use std::fmt::LowerExp;
-use std::fs::{self, File};
+use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use farfield_formula::Precision;
+use farfield_formula::{Derivatives, Precision};
 use ndarray::{ArrayView1, ArrayView2};
 use ndarray_npy::{WritableElement, WriteNpyExt};
+
+use super::interrupt::Interrupt;
 
 /// A file that could not be written.
 #[derive(Debug, thiserror::Error)]
@@ -60,19 +62,21 @@ pub(crate) fn check_folder(path: &Path) -> Result<(), WriteError> {
 
 /// Writes rows of values, with a number for each of the columns.
 pub(crate) fn values<T: Number>(
+    interrupt: &Interrupt,
     path: &Path,
     values: &[T],
     columns: &[String],
 ) -> Result<(), WriteError> {
     match format(path) {
-        Some(Format::Npy) => whole_file(path, |file| npy(file, values, columns.len())),
-        Some(Format::Csv) => whole_file(path, |file| csv(file, values, columns)),
+        Some(Format::Npy) => whole_file(interrupt, path, |file| npy(file, values, columns.len())),
+        Some(Format::Csv) => whole_file(interrupt, path, |file| csv(file, values, columns)),
         None => Err(Problem::Extension.at(path)),
     }
 }
 
 /// Writes to a temporary name in the same folder and renames it once everything is on disk.
 pub(crate) fn whole_file(
+    interrupt: &Interrupt,
     path: &Path,
     write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
 ) -> Result<(), WriteError> {
@@ -80,17 +84,12 @@ pub(crate) fn whole_file(
     name.push(path.file_name().unwrap_or_default());
     name.push(format!(".{}", std::process::id()));
     let temporary = path.with_file_name(name);
-    let finish = || {
-        let mut file = BufWriter::new(File::create(&temporary)?);
+    let finish = |file: File| {
+        let mut file = BufWriter::new(file);
         write(&mut file)?;
-        file.into_inner()?.sync_all()?;
-        fs::rename(&temporary, path)
+        file.into_inner()?.sync_all()
     };
-    finish().map_err(|error| {
-        // Best effort: the error that is reported is the one that came first.
-        let _ = fs::remove_file(&temporary);
-        Problem::Io(error).at(path)
-    })
+    interrupt.whole_file(&temporary, path, finish).map_err(|error| Problem::Io(error).at(path))
 }
 
 enum Format {
@@ -118,13 +117,15 @@ fn npy<T: Number>(file: &mut BufWriter<File>, values: &[T], columns: usize) -> i
 }
 
 /// The columns of values with so many fields: potentials, or components u1, u2 …; then, with gradients, their
-/// derivatives along the first axis, the second and the third.
-pub(crate) fn columns(fields: usize, gradient: bool) -> Vec<String> {
+/// derivatives along the first axis, the second and the third; then, with Hessians, their second derivatives.
+pub(crate) fn columns(fields: usize, derivatives: Derivatives) -> Vec<String> {
     let value = |k: usize| if fields == 1 { "potential".into() } else { format!("u{}", k + 1) };
     let values = (0..fields).map(value);
-    let axes = ["x", "y", "z"].into_iter().take(if gradient { 3 } else { 0 });
+    let axes = ["x", "y", "z", "xx", "xy", "xz", "yy", "yz", "zz"];
+    let axes = axes.into_iter().take(derivatives.parts() - 1);
     let slopes = axes.flat_map(|axis| {
         (0..fields).map(move |k| match fields {
+            1 if axis.len() == 2 => format!("hessian_{axis}"),
             1 => format!("gradient_{axis}"),
             _ => format!("u{}_{axis}", k + 1),
         })
