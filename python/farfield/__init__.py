@@ -72,6 +72,7 @@ def sum(
     targets: Any = None,
     tolerance: float = 1e-6,
     gradient: bool = False,
+    hessian: bool = False,
     threads: Union[int, None] = None,
     coincident: Union[str, float, None] = None,
     **parameters: float,
@@ -84,13 +85,18 @@ def sum(
     targets: where sums are wanted, shape (M, 3); the sources themselves by default.
     tolerance: the relative l2 error to stay below.
     gradient: whether derivatives with respect to the target are wanted too.
+    hessian: whether second derivatives are, and first ones.
     threads: how many threads to use; as many as there are cores by default.
     coincident: what holds for a source and a target at one place: "skip", "formula" (what the formula gives there), or a
         number. By default "skip" for a formula, and what a kernel by name is known for.
     parameters: the parameters of the kernel, such as k=2.0.
 
     Returns u of shape (M,), (M, k), or (M, f) for a tensor with f rows; with `gradient`, a pair (u, du) where du has one
-    more axis, of length 3.
+    more axis, of length 3; with `hessian`, three arrays (u, du, ddu) where ddu has two more axes of length 3. Right-hand
+    sides are summed together, which takes less than one after the other; their accuracy is that of all together, each
+    brought to the same size first.
+
+    Ctrl-C ends it with KeyboardInterrupt.
 
     Raises `InputError` (a ValueError) that names what is wrong, `KernelError` for a kernel, `ToleranceError` if the
     tolerance is out of reach, and `SumError` if a sum is not finite.
@@ -101,9 +107,11 @@ def sum(
         targets=targets,
         tolerance=tolerance,
         gradient=gradient,
+        hessian=hessian,
         threads=threads,
         coincident=coincident,
         applications=1,
+        columns=_columns(q),
         **parameters,
     )
     return planned(q)
@@ -116,18 +124,23 @@ def plan(
     targets: Any = None,
     tolerance: float = 1e-6,
     gradient: bool = False,
+    hessian: bool = False,
     threads: Union[int, None] = None,
     coincident: Union[str, float, None] = None,
     applications: int = 1,
+    columns: int = 1,
     **parameters: float,
 ) -> "Plan":
     """A plan for sums between fixed points, which is applied to any number of charges.
 
     applications: how often it will be applied, about: set-up that pays for itself by then is done.
+    columns: to how many right-hand sides at once, about. Any number may be given, but with another one the first
+        application sets up more.
 
     The other arguments and the errors are those of `sum`.
     """
-    return Plan(kernel, x, targets, tolerance, gradient, threads, coincident, applications, parameters)
+    derivatives = 2 if hessian else int(bool(gradient))
+    return Plan(kernel, x, targets, tolerance, derivatives, threads, coincident, applications, columns, parameters)
 
 
 class Plan:
@@ -139,10 +152,11 @@ class Plan:
         x: Any,
         targets: Any,
         tolerance: float,
-        gradient: bool,
+        derivatives: int,
         threads: Union[int, None],
         coincident: Union[str, float, None],
         applications: int,
+        columns: int,
         parameters: dict,
     ) -> None:
         if not isinstance(kernel, str):
@@ -156,16 +170,52 @@ class Plan:
         native = _native.PlanF64 if self.dtype == np.float64 else _native.PlanF32
         self._fields, self._densities = parsed.shape
         self._sources, self._targets = len(sources), len(targets)
-        self.gradient = bool(gradient)
+        self._derivatives = derivatives
+        self._transposed: Union[Plan, None] = None
         self._native = native(
             parsed,
             sources.reshape(-1),
             targets.reshape(-1),
             _number("tolerance", tolerance),
-            self.gradient,
+            derivatives,
             _count("applications", applications),
+            # A tensor takes one right-hand side at a time.
+            _count("columns", columns) if self._densities == 1 else 1,
             None if threads is None else _count("threads", threads, 512),
         )
+
+    @property
+    def _numbers(self) -> int:
+        """How many numbers there are for one value: itself, 3 first and 6 second derivatives."""
+        return (1, 4, 10)[self._derivatives]
+
+    @property
+    def gradient(self) -> bool:
+        """Whether first derivatives are summed."""
+        return self._derivatives > 0
+
+    @property
+    def hessian(self) -> bool:
+        """Whether second derivatives are summed."""
+        return self._derivatives > 1
+
+    @property
+    def T(self) -> "Plan":
+        """The plan for the transposed matrix: sums at the sources, of K(x_i, y_j) transposed, for numbers at the targets.
+
+        It is made when it is first asked for, and is a plan of its own: both matrices are as near to the exact ones as
+        the tolerance says. They are the transposes of each other but for rounding where both sum directly.
+        """
+        if self._derivatives:
+            raise InputError("a plan with derivatives gives more than a matrix: expected gradient=False, hessian=False")
+        if self._transposed is None:
+            other = object.__new__(Plan)
+            other.dtype, other._derivatives, other._transposed = self.dtype, 0, self
+            other._fields, other._densities = self._densities, self._fields
+            other._sources, other._targets = self._targets, self._sources
+            other._native = self._native.transposed()
+            self._transposed = other
+        return self._transposed
 
     @property
     def shape(self) -> tuple:
@@ -192,18 +242,25 @@ class Plan:
     def as_linear_operator(self) -> Any:
         """The plan as a scipy.sparse.linalg.LinearOperator of `shape`, for conjugate gradients and the like.
 
-        There is no product with the transposed matrix.
+        Products with the transposed matrix, as least squares ask for, are those of `T`.
         """
         from scipy.sparse.linalg import LinearOperator
 
-        if self.gradient:
+        if self._derivatives:
             raise InputError("a plan with gradients gives more than a matrix: expected gradient=False")
-        shape = (self._sources, self._densities) if self._densities > 1 else (self._sources,)
 
         def product(q: Any) -> Any:
-            return self(np.reshape(q, shape)).reshape(-1)
+            return self._flat(q)
 
-        return LinearOperator(self.shape, matvec=product, dtype=self.dtype)
+        def transposed(w: Any) -> Any:
+            return self.T._flat(w)
+
+        return LinearOperator(self.shape, matvec=product, rmatvec=transposed, dtype=self.dtype)
+
+    def _flat(self, q: Any) -> Any:
+        """The sums for charges in one row, in one row."""
+        shape = (self._sources, self._densities) if self._densities > 1 else (self._sources,)
+        return self(np.reshape(q, shape)).reshape(-1)
 
     def _charges(self, charges: Any) -> Any:
         """Charges of one right-hand side as a contiguous array."""
@@ -215,26 +272,38 @@ class Plan:
         return np.ascontiguousarray(_real("q", charges, self.dtype))
 
     def _apply(self, charges: Any) -> Any:
-        values = self._native.apply(charges.reshape(-1))
+        values = self._native.apply(charges.reshape(-1), 1)
         tensor = (self._fields,) if self._fields > 1 or self._densities > 1 else ()
-        if not self.gradient:
-            return values.reshape((self._targets, *tensor))
-        values = values.reshape(self._targets, 4, self._fields)
-        u, du = values[:, 0, :], values[:, 1:, :].transpose(0, 2, 1)
-        return u.reshape((self._targets, *tensor)).copy(), du.reshape((self._targets, *tensor, 3)).copy()
+        return self._parts(values.reshape(self._targets, self._numbers, self._fields), tensor)
 
     def _apply_columns(self, charges: Any) -> Any:
         if charges.ndim != 2 or len(charges) != self._sources:
             expected = f"({self._sources},), or ({self._sources}, k) for k right-hand sides"
             raise InputError(f"q has shape {charges.shape}: expected {expected}")
-        columns = [self._apply(self._charges(column)) for column in charges.T]
-        tail = (self._fields,) if self._fields > 1 else ()
-        if not columns:
-            empty = np.empty((self._targets, 0, *tail), self.dtype)
-            return (empty, np.empty((self._targets, 0, *tail, 3), self.dtype)) if self.gradient else empty
-        if self.gradient:
-            return tuple(np.stack(parts, axis=1) for parts in zip(*columns))
-        return np.stack(columns, axis=1)
+        k = charges.shape[1]
+        charges = np.ascontiguousarray(_real("q", charges, self.dtype))
+        values = self._native.apply(charges.reshape(-1), k) if k else np.empty(0, self.dtype)
+        values = values.reshape(self._targets, self._numbers, self._fields, k).transpose(0, 1, 3, 2)
+        return self._parts(values, (k, self._fields) if self._fields > 1 else (k,))
+
+    def _parts(self, values: Any, tail: tuple) -> Any:
+        """Values and derivatives from rows of all of them, each with the axes `tail`."""
+        shape = (self._targets, *tail)
+        u = values[:, 0].reshape(shape).copy()
+        if not self._derivatives:
+            return u
+        du = np.moveaxis(values[:, 1:4], 1, -1).reshape((*shape, 3)).copy()
+        if self._derivatives == 1:
+            return u, du
+        # The second derivatives along axes 11, 12, 13, 22, 23, 33.
+        second = values[:, [4, 5, 6, 5, 7, 8, 6, 8, 9]]
+        return u, du, np.moveaxis(second, 1, -1).reshape((*shape, 3, 3)).copy()
+
+
+def _columns(q: Any) -> int:
+    """How many right-hand sides charges have, if they are such."""
+    shape: Any = getattr(q, "shape", ())
+    return max(1, min(int(shape[1]), 2**31)) if len(shape) == 2 else 1
 
 
 def _points(name: str, points: Any, dtype: Any) -> Any:

@@ -1,15 +1,19 @@
 //! The native part of the Python package `farfield`: plans and sums over contiguous arrays. Shapes and types are the
 //! business of `farfield/__init__.py`.
 
+mod interrupt;
+
 use std::sync::OnceLock;
 
-use farfield::{Error, Point, Real, Vector};
-use farfield_formula::{Coincident, Options, Precision, READY, Ready, TextFormula};
+use farfield::{Error, Point, Real, Vector, Watch};
+use farfield_formula::{Coincident, Derivatives, Options, Precision, READY, Ready, TextFormula};
 use numpy::{Element, PyArray1, PyReadonlyArray1};
 use pyo3::import_exception;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use rayon::{ThreadPool, ThreadPoolBuilder};
+
+use crate::interrupt::interruptible;
 
 import_exception!(farfield._errors, InputError);
 import_exception!(farfield._errors, KernelError);
@@ -72,9 +76,16 @@ fn kernels() -> Vec<Named> {
 }
 
 /// A plan in one precision, and the threads it runs on.
-struct Planned<T> {
+struct Planned<T: Precision> {
     plan: farfield_formula::Plan<T>,
+    threads: Threads,
+}
+
+/// The threads of a plan.
+struct Threads {
     pool: Option<ThreadPool>,
+    /// How many were asked for.
+    count: Option<usize>,
     /// The process whose threads they are: a fork has none of them.
     process: u32,
 }
@@ -82,51 +93,81 @@ struct Planned<T> {
 /// The process that has the threads of the default.
 static FIRST_PROCESS: OnceLock<u32> = OnceLock::new();
 
-impl<T: Precision + Element> Planned<T> {
-    fn new(
-        py: Python<'_>,
-        kernel: &Kernel,
-        sources: &[T],
-        targets: &[T],
-        options: &Options,
-        threads: Option<usize>,
-    ) -> PyResult<Self> {
+/// Pairs that are summed so soon that nobody can interrupt it.
+const FEW_PAIRS: usize = 1 << 20;
+
+impl Threads {
+    fn new(count: Option<usize>) -> PyResult<Self> {
         let process = std::process::id();
         let is_forked = *FIRST_PROCESS.get_or_init(|| process) != process;
-        let pool = if threads.is_some() || is_forked {
+        let pool = if count.is_some() || is_forked {
             // As many as there are cores, if it is not said.
-            let pool = ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0)).build();
+            let pool = ThreadPoolBuilder::new().num_threads(count.unwrap_or(0)).build();
             Some(pool.map_err(|error| InputError::new_err(error.to_string()))?)
         } else {
             None
         };
-        let plan = py.detach(|| {
-            let (sources, targets) = (points(sources), points(targets));
-            let plan = || farfield_formula::Plan::new(&kernel.0, &sources, &targets, options);
-            match &pool {
-                Some(pool) => pool.install(plan),
-                None => plan(),
-            }
-        });
-        Ok(Self { plan: plan.map_err(exception)?, pool, process })
+        Ok(Self { pool, count, process })
     }
 
-    /// Does work without holding up other threads of Python, on the threads of the plan.
+    /// Does work for so many pairs without holding up other threads of Python. Where it takes long, Python's signals are
+    /// looked at meanwhile.
     fn run<R: Send>(
         &self,
         py: Python<'_>,
-        work: impl FnOnce(&farfield_formula::Plan<T>) -> Result<R, Error> + Send,
+        pairs: usize,
+        work: impl FnOnce(&Watch) -> Result<R, Error> + Send,
     ) -> PyResult<R> {
         if self.process != std::process::id() {
             return Err(InputError::new_err(
                 "the plan was made before this process was forked: expected one that is made in it",
             ));
         }
-        let found = py.detach(|| match &self.pool {
-            Some(pool) => pool.install(|| work(&self.plan)),
-            None => work(&self.plan),
-        });
+        let work = |watch: &Watch| match &self.pool {
+            Some(pool) => pool.install(|| work(watch)),
+            None => work(watch),
+        };
+        let found = if pairs <= FEW_PAIRS {
+            py.detach(|| work(&Watch::default()))
+        } else {
+            interruptible(py, work)?
+        };
         found.map_err(exception)
+    }
+}
+
+impl<T: Precision + Element> Planned<T> {
+    fn new(
+        py: Python<'_>,
+        kernel: &TextFormula,
+        sources: &[T],
+        targets: &[T],
+        options: &Options,
+        threads: Option<usize>,
+    ) -> PyResult<Self> {
+        let threads = Threads::new(threads)?;
+        let pairs = sources.len() / 3 * (targets.len() / 3);
+        let plan = threads.run(py, pairs, |watch| {
+            let (sources, targets) = (points(sources), points(targets));
+            farfield_formula::Plan::watched(kernel, &sources, &targets, options, watch)
+        })?;
+        Ok(Self { plan, threads })
+    }
+
+    /// Does work with the plan.
+    fn run<R: Send>(
+        &self,
+        py: Python<'_>,
+        columns: usize,
+        work: impl FnOnce(&farfield_formula::Plan<T>, &Watch) -> Result<R, Error> + Send,
+    ) -> PyResult<R> {
+        let pairs = self.plan.sources() * self.plan.targets() * columns;
+        self.threads.run(py, pairs, |watch| work(&self.plan, watch))
+    }
+
+    fn transposed(&self, py: Python<'_>) -> PyResult<Self> {
+        let plan = self.run(py, 1, |plan, watch| plan.transposed(watch))?;
+        Ok(Self { plan, threads: Threads::new(self.threads.count)? })
     }
 }
 
@@ -151,30 +192,44 @@ macro_rules! plan {
                 sources: PyReadonlyArray1<'_, $real>,
                 targets: PyReadonlyArray1<'_, $real>,
                 tolerance: f64,
-                gradient: bool,
+                derivatives: usize,
                 applications: usize,
+                columns: usize,
                 threads: Option<usize>,
             ) -> PyResult<Self> {
                 let mut options = Options::default();
                 options.tolerance = tolerance;
-                options.gradient = gradient;
+                options.derivatives = match derivatives {
+                    0 => Derivatives::None,
+                    1 => Derivatives::Gradient,
+                    _ => Derivatives::Hessian,
+                };
                 options.applications = applications;
+                options.columns = columns;
                 // Copies: another thread of Python might write to the arrays meanwhile.
                 let (sources, targets) =
                     (sources.as_slice()?.to_vec(), targets.as_slice()?.to_vec());
-                let kernel = Kernel(kernel.0.clone());
+                let kernel = kernel.0.clone();
                 Ok(Self(Planned::new(py, &kernel, &sources, &targets, &options, threads)?))
             }
 
-            /// The sums for flat charges.
+            /// The sums for flat charges of so many right-hand sides.
             fn apply<'py>(
                 &self,
                 py: Python<'py>,
                 charges: PyReadonlyArray1<'_, $real>,
+                columns: usize,
             ) -> PyResult<Bound<'py, PyArray1<$real>>> {
                 let charges = charges.as_slice()?.to_vec();
-                let values = self.0.run(py, |plan| plan.apply(&charges))?;
-                Ok(PyArray1::from_vec(py, values))
+                let sums = |plan: &farfield_formula::Plan<$real>, watch: &Watch| {
+                    plan.apply_columns(&charges, columns, watch)
+                };
+                Ok(PyArray1::from_vec(py, self.0.run(py, columns, sums)?))
+            }
+
+            /// The plan for the transposed matrix.
+            fn transposed(&self, py: Python<'_>) -> PyResult<Self> {
+                Ok(Self(self.0.transposed(py)?))
             }
 
             /// How far the sums are from the exact ones.
@@ -184,7 +239,7 @@ macro_rules! plan {
                 charges: PyReadonlyArray1<'_, $real>,
             ) -> PyResult<Bound<'py, PyDict>> {
                 let charges = charges.as_slice()?.to_vec();
-                let (_, found) = self.0.run(py, |plan| plan.apply_certified(&charges))?;
+                let (_, found) = self.0.run(py, 1, |plan, _| plan.apply_certified(&charges))?;
                 let certificate = PyDict::new(py);
                 certificate.set_item("relative_l2", found.relative_l2)?;
                 certificate.set_item("estimate", found.estimate)?;

@@ -33,6 +33,9 @@ Q = np.ones(4)
         (lambda: ff.sum("exp(-k*r)", X, Q, k="a"), ff.InputError, "k is 'a': expected a number"),
         (lambda: ff.sum("exp(i*r)", X, Q), ff.KernelError, "formulas here are real"),
         (lambda: ff.sum("stokslet", X, Q), ff.KernelError, "stokeslet perhaps"),
+        (lambda: ff.sum("gaussian", X, Q, length=-1), ff.KernelError, '"length" of gaussian is -1: expected a number above 0'),
+        (lambda: ff.sum("rpy", X, X, gradient=True), ff.InputError, "target 0 and source 0 are at one place, where"),
+        (lambda: ff.plan("1/r", X, columns=0), ff.InputError, "columns is 0: expected a whole number"),
     ],
 )
 def test_input_is_refused_by_name(call, kind, words):

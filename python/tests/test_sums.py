@@ -121,6 +121,70 @@ def test_ready_kernels_are_listed():
         plan(charge if plan.shape[1] == 6 else charge[:, 0])
 
 
+def test_second_derivatives():
+    d, r = differences(Y, X)
+    exact = 3 * d[..., :, None] * d[..., None, :] / r[..., None, None] ** 5 - np.eye(3) / r[..., None, None] ** 3
+    for kernel in ("laplace", "1/r"):
+        u, du, ddu = ff.sum(kernel, X, Q, targets=Y, hessian=True)
+        assert u.shape == (400,) and du.shape == (400, 3) and ddu.shape == (400, 3, 3)
+        assert error(u, (1 / r) @ Q) < 1e-6
+        assert error(ddu, np.einsum("ijab,j->iab", exact, Q)) < 1e-6
+    forces = RANDOM.random((50, 3)) - 0.5
+    _, du, ddu = ff.sum("stokeslet", X[:50], forces, targets=Y, hessian=True)
+    assert ddu.shape == (400, 3, 3, 3)
+    # Central differences of fourth order.
+    step = np.array([0, 1e-3, 0])
+    sides = [ff.sum("stokeslet", X[:50], forces, targets=Y + s * step, gradient=True)[1] for s in (2, 1, -1, -2)]
+    slope = (-sides[0] + 8 * sides[1] - 8 * sides[2] + sides[3]) / 12e-3
+    far = r[:, :50].min(axis=1) > 0.1
+    assert error(ddu[far][..., 1], slope[far]) < 1e-6
+    plan = ff.plan("r", X, targets=Y, hessian=True)
+    found = plan(np.stack([Q, 2 * Q], axis=1))
+    assert [part.shape for part in found] == [(400, 2), (400, 2, 3), (400, 2, 3, 3)]
+    assert plan.hessian and (found[2][:, 1] == 2 * found[2][:, 0]).all()
+
+
+def test_columns_of_any_size_are_summed_together():
+    q = RANDOM.random((3000, 20)) * 10.0 ** np.arange(-10, 10)
+    exact = (1 / differences(Y, X)[1]) @ q
+    for x, bound in ((X, 1e-6), (X.astype(np.float32), 2e-3)):
+        found = ff.sum("1/r", x, q.astype(x.dtype), targets=Y.astype(x.dtype), tolerance=bound)
+        assert found.shape == (400, 20) and found.dtype == x.dtype
+        assert all(error(found[:, k], exact[:, k]) < bound for k in range(20))
+
+
+def test_extreme_extents():
+    exact = ff.sum("1/r", X, Q, targets=Y)
+    for scale in (2.0**80, 2.0**-80):
+        x, y = (X * scale).astype(np.float32), (Y * scale).astype(np.float32)
+        found = ff.sum("1/r", x, Q.astype(np.float32), targets=y, tolerance=1e-4)
+        assert error(found.astype(float) * scale, exact) < 2e-4
+    for scale in (2.0**700, 2.0**-700):
+        assert error(ff.sum("1/r", X * scale, Q, targets=Y * scale) * scale, exact) < 2e-6
+    with pytest.raises(ff.InputError, match="too small for f32"):
+        ff.sum("1/r2^2", X.astype(np.float32) * np.float32(1e18), Q.astype(np.float32))
+
+
+def test_transposes_solve_least_squares():
+    linalg = pytest.importorskip("scipy.sparse.linalg")
+    plan = ff.plan("exp(-10*r)", X[:60], targets=Y, tolerance=1e-9)
+    assert plan.T.T is plan and plan.T.shape == (60, 400)
+    operator = plan.as_linear_operator()
+    w, q = RANDOM.random(400), RANDOM.random(60)
+    assert abs(w @ (operator @ q) - q @ (operator.T @ w)) < 1e-12 * np.linalg.norm(w) * np.linalg.norm(operator @ q)
+    dense = np.exp(-10 * differences(Y, X[:60])[1])
+    exact = np.linalg.solve(dense.T @ dense + 0.01 * np.eye(60), dense.T @ w)
+    rules = {"damp": 0.1, "atol": 1e-12, "btol": 1e-12, "conlim": 0}
+    assert error(linalg.lsqr(operator, w, iter_lim=1000, **rules)[0], exact) < 1e-6
+    assert error(linalg.lsmr(operator, w, maxiter=1000, **rules)[0], exact) < 1e-6
+    large = ff.plan("laplace_dipole", X, targets=Y).as_linear_operator()
+    w, q = RANDOM.random(400), RANDOM.random(9000)
+    u = large @ q
+    assert abs(w @ u - q @ (large.T @ w)) < 2e-6 * np.linalg.norm(w) * np.linalg.norm(u)
+    with pytest.raises(ff.InputError, match="derivatives"):
+        ff.plan("r", X[:10], gradient=True).T
+
+
 def test_linear_operators_solve():
     linalg = pytest.importorskip("scipy.sparse.linalg")
     operator = ff.plan("exp(-10*r)", X[:300], coincident="formula", tolerance=1e-9).as_linear_operator()

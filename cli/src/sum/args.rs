@@ -1,9 +1,13 @@
 //! The command line: its flags, their ranges and their explanations.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use clap::{Parser, ValueEnum};
-use farfield_formula::Coincident;
+use farfield::Watch;
+use farfield_formula::{Coincident, Derivatives};
+
+use crate::interrupt::Interrupt;
 
 /// Sums u(x_i) = Σ_j K(x_i, y_j) q_j over points from files, and measures its own error.
 ///
@@ -15,7 +19,7 @@ use farfield_formula::Coincident;
 ///
 /// The error is always measured, against direct sums in double precision at 1,000 targets spaced
 /// evenly through the target file. If it exceeds --tolerance, the report is still written, the
-/// values are not, and the exit code is 1, as it is for bad input; a bad command line gives 2.
+/// values are not, and the exit code is 1, as it is for bad input; a bad command line gives 2, and Ctrl-C 130.
 #[derive(Clone, Debug, Parser)]
 #[command(name = "sum")]
 pub(crate) struct Args {
@@ -48,6 +52,10 @@ pub(crate) struct Args {
     /// Sum the gradient with respect to x as well
     #[arg(long)]
     pub(crate) gradient: bool,
+
+    /// Sum the gradient and the six second derivatives with respect to x as well; not for power laws by their names here
+    #[arg(long)]
+    pub(crate) hessian: bool,
 
     /// How the far field is expanded [default: interpolation, the faster one; harmonic with --gradient,
     /// because gradients of interpolations can miss the tolerance]
@@ -86,13 +94,21 @@ pub(crate) struct Args {
     pub(crate) repeat: usize,
 
     /// Where to write the values: .npy or .csv, M numbers, or M×4 (potential, gradient) with
-    /// --gradient. The file appears complete or not at all
+    /// --gradient, M×10 with --hessian (then along xx, xy, xz, yy, yz, zz). The file appears complete or not at all
     #[arg(long, value_name = "FILE")]
     pub(crate) out: Option<PathBuf>,
 
     /// Where to write sizes, times and errors, as JSON [default: a summary on standard output]
     #[arg(long, value_name = "FILE")]
     pub(crate) report: Option<PathBuf>,
+
+    /// What ends the run on Ctrl-C.
+    #[arg(skip)]
+    pub(crate) interrupt: Arc<Interrupt>,
+
+    /// What knows how far the sums are.
+    #[arg(skip)]
+    pub(crate) watch: Watch,
 }
 
 /// Power laws of r = |x − y| with a harmonic expansion, which have flags of their own.
@@ -143,6 +159,15 @@ impl Args {
     /// The power law asked for, if it is one.
     pub(crate) fn power_law(&self) -> Option<Kernel> {
         Kernel::from_str(&self.kernel, false).ok()
+    }
+
+    /// What is summed beside values.
+    pub(crate) fn derivatives(&self) -> Derivatives {
+        match (self.hessian, self.gradient) {
+            (true, _) => Derivatives::Hessian,
+            (false, true) => Derivatives::Gradient,
+            (false, false) => Derivatives::None,
+        }
     }
 
     /// The expansion asked for, or the one that meets the tolerance.

@@ -27,7 +27,7 @@ pub(crate) enum Failure {
         /// What was given.
         name: String,
         /// Why it is none.
-        source: KernelError,
+        source: Box<KernelError>,
     },
     /// The kernel's formula is wrong.
     #[error("--kernel: {0}")]
@@ -66,6 +66,9 @@ pub(crate) enum Failure {
         /// Why they can't be had.
         source: rayon::ThreadPoolBuildError,
     },
+    /// The system doesn't tell of Ctrl-C.
+    #[error("Ctrl-C can't be heard of: {0}")]
+    CtrlC(ctrlc::Error),
     /// The sums are not as accurate as asked for.
     #[error(
         "the relative l2 error is {found:.2e}: expected at most {expected:e}, so no values are written"

@@ -15,6 +15,8 @@ pub(crate) struct Report {
     pub(crate) kernel: String,
     /// Whether gradients were summed too.
     pub(crate) gradient: bool,
+    /// Whether second derivatives were.
+    pub(crate) hessian: bool,
     /// Scheme, by its name on the command line.
     pub(crate) scheme: String,
     /// Precision of the arithmetic.
@@ -37,6 +39,8 @@ pub(crate) struct Report {
     pub(crate) relative_l2_error: f64,
     /// Error of the gradient at the sampled targets, if there is one.
     pub(crate) gradient_relative_l2_error: Option<f64>,
+    /// Error of the second derivatives at the sampled targets, if there are any.
+    pub(crate) hessian_relative_l2_error: Option<f64>,
     /// Number of targets at which the errors were measured.
     pub(crate) sampled_targets: usize,
     /// Most multipole terms of a cell.
@@ -52,9 +56,10 @@ pub(crate) struct Report {
 }
 
 impl Report {
-    /// The larger of the two errors.
+    /// The largest of the errors.
     pub(crate) fn error(&self) -> f64 {
-        self.relative_l2_error.max(self.gradient_relative_l2_error.unwrap_or(0.0))
+        let derivatives = [self.gradient_relative_l2_error, self.hessian_relative_l2_error];
+        derivatives.into_iter().flatten().fold(self.relative_l2_error, f64::max)
     }
 
     /// Whether the error asked for, if one was, is exceeded.
@@ -65,7 +70,11 @@ impl Report {
 
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let what = if self.gradient { " and its gradient" } else { "" };
+        let what = match (self.hessian, self.gradient) {
+            (true, _) => ", its gradient and its second derivatives",
+            (false, true) => " and its gradient",
+            (false, false) => "",
+        };
         writeln!(f, "{}{what}, {} points on {} targets", self.kernel, self.points, self.targets)?;
         write!(f, "  {}, {}, threads: {}", self.scheme, self.precision, self.threads)?;
         if self.scheme != "direct" {
@@ -87,6 +96,9 @@ impl fmt::Display for Report {
         write!(f, "  error  {:.2e}", self.relative_l2_error)?;
         if let Some(error) = self.gradient_relative_l2_error {
             write!(f, ", of the gradient {error:.2e}")?;
+        }
+        if let Some(error) = self.hessian_relative_l2_error {
+            write!(f, ", of the second derivatives {error:.2e}")?;
         }
         writeln!(f, ", relative l2 at {} sampled targets", self.sampled_targets)?;
         match self.peak_memory_bytes {

@@ -16,6 +16,7 @@ use farfield_scenes::write_file;
 
 use super::args::{self, Args, Precision, Scheme};
 use super::error::Failure;
+use super::progress::shown;
 use super::read;
 use super::report::Report;
 use super::text;
@@ -105,14 +106,15 @@ where
     let kernel = PowerLaw::<E, T, T, O>::default();
     match args.expansion() {
         args::Expansion::Interpolation => {
-            let fmm = interpolated(args, kernel, input)?;
+            let fmm = shown(&args.watch, || interpolated(args, kernel, input))?;
             let order = fmm.expansion().nodes_per_axis();
             finish::<E, T, O, _>(args, input, &fmm, order, start)
         }
         args::Expansion::Harmonic => {
             let order = order::<E, O>(args)?;
             let builder = Fmm::with_expansion(HarmonicExpansion::new(kernel, order)?);
-            let fmm = planned(args, builder).build(&input.sources, &input.targets)?;
+            let build = || planned(args, builder).build(&input.sources, &input.targets);
+            let fmm = shown(&args.watch, build)?;
             finish::<E, T, O, _>(args, input, &fmm, order, start)
         }
     }
@@ -148,6 +150,7 @@ fn planned<'a, E: Expansion>(
     args: &Args,
     builder: Builder<'a, E, Unmasked>,
 ) -> Builder<'a, E, Unmasked> {
+    let builder = builder.watch(&args.watch);
     let builder = match args.scheme {
         Scheme::Auto => builder,
         Scheme::Fmm => builder.scheme(farfield::Scheme::Fmm),
@@ -175,7 +178,8 @@ where
     X: Expansion<Kernel = PowerLaw<E, T, T, O>>,
 {
     let plan_s = start.elapsed().as_secs_f64();
-    let (values, apply_s) = repeated(args.repeat, || fmm.apply(&input.charges))?;
+    let apply = || fmm.apply_watched(&input.charges, &args.watch);
+    let (values, apply_s) = shown(&args.watch, || repeated(args.repeat, apply))?;
     let peak_memory_bytes = peak_memory_bytes();
     let errors = Errors::measure::<E, T, O>(input, &values)?;
     let stats = fmm.report().stats;
@@ -184,6 +188,7 @@ where
         targets: input.targets.len(),
         kernel: args.kernel.clone(),
         gradient: args.gradient,
+        hessian: false,
         scheme: stats.scheme.to_string(),
         precision: args::name(args.precision),
         threads: rayon::current_num_threads(),
@@ -195,6 +200,7 @@ where
         repeat: args.repeat,
         relative_l2_error: errors.potential,
         gradient_relative_l2_error: args.gradient.then_some(errors.gradient),
+        hessian_relative_l2_error: None,
         sampled_targets: errors.sampled,
         terms_per_cell: stats.terms_per_cell,
         cells: stats.cells,
@@ -202,7 +208,7 @@ where
         leaf_size: stats.leaf_size,
         peak_memory_bytes,
     };
-    let columns = write::columns(1, args.gradient);
+    let columns = write::columns(1, args.derivatives());
     let row = |value: &<O as Output<T, T>>::Value| {
         let (u, [x, y, z]) = Row::<T>::parts(value);
         [u, x, y, z].into_iter().take(columns.len())
@@ -305,6 +311,8 @@ pub(super) fn publish<T: Number>(
     values: &[T],
     columns: &[String],
 ) -> Result<(), Failure> {
+    // There is something to keep from now on.
+    args.interrupt.hold(true);
     match &args.report {
         Some(path) => write_report(path, report)?,
         None => print!("{report}"),

@@ -6,7 +6,7 @@ use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use farfield_formula::Precision;
+use farfield_formula::{Derivatives, Precision};
 use farfield_scenes::{OutputError, write_file};
 use ndarray::{ArrayView1, ArrayView2};
 use ndarray_npy::{WritableElement, WriteNpyExt};
@@ -84,13 +84,15 @@ fn npy<T: Number>(file: &mut BufWriter<File>, values: &[T], columns: usize) -> i
 }
 
 /// The columns of values with so many fields: potentials, or components u1, u2 …; then, with gradients, their
-/// derivatives along the first axis, the second and the third.
-pub(crate) fn columns(fields: usize, gradient: bool) -> Vec<String> {
+/// derivatives along the first axis, the second and the third; then, with Hessians, their second derivatives.
+pub(crate) fn columns(fields: usize, derivatives: Derivatives) -> Vec<String> {
     let value = |k: usize| if fields == 1 { "potential".into() } else { format!("u{}", k + 1) };
     let values = (0..fields).map(value);
-    let axes = ["x", "y", "z"].into_iter().take(if gradient { 3 } else { 0 });
+    let axes = ["x", "y", "z", "xx", "xy", "xz", "yy", "yz", "zz"];
+    let axes = axes.into_iter().take(derivatives.parts() - 1);
     let slopes = axes.flat_map(|axis| {
         (0..fields).map(move |k| match fields {
+            1 if axis.len() == 2 => format!("hessian_{axis}"),
             1 => format!("gradient_{axis}"),
             _ => format!("u{}_{axis}", k + 1),
         })

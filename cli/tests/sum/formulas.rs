@@ -91,3 +91,27 @@ fn all_ready_kernels_are_listed() {
         assert!(list.lines().any(|line| line == ready.name), "{} is not in:\n{list}", ready.name);
     }
 }
+
+#[test]
+fn second_derivatives_follow_the_gradients() {
+    let folder = Folder::new(400);
+    let flags = format!(
+        "{OWN} --kernel laplace --hessian --tolerance 1e-7 --out values.csv --report report.json"
+    );
+    succeed(&folder.sum(&flags));
+    let header = std::fs::read_to_string(folder.path("values.csv")).unwrap();
+    let columns = "potential,gradient_x,gradient_y,gradient_z,hessian_xx,hessian_xy,hessian_xz,hessian_yy,\
+                   hessian_yz,hessian_zz\n";
+    assert!(header.starts_with(columns), "{}", &header[..200]);
+    let found = rows(&folder.path("values.csv"));
+    let exact = sums(&folder, |d| {
+        let r = d.length();
+        3.0 * d.x * d.y / r.powi(5)
+    });
+    let mixed: Vec<f64> = found.iter().map(|row| row[5]).collect();
+    assert!(relative_l2_error(&mixed, &exact) < 1e-6);
+    let report = std::fs::read_to_string(folder.path("report.json")).unwrap();
+    assert!(report.contains("\"hessian_relative_l2_error\""), "{report}");
+    let refused = format!("{OWN} --kernel inverse-distance --hessian");
+    assert!(fail(&folder.sum(&refused)).contains("--hessian with --kernel inverse-distance"));
+}

@@ -1,6 +1,7 @@
 //! `farfield sum` as its users meet it: files in, files out, exit codes and messages.
 
 mod formulas;
+mod interrupted;
 mod refusals;
 
 use std::fs;

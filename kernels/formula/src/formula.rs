@@ -63,6 +63,26 @@ impl TextFormula {
         self.coincident
     }
 
+    /// K(y, x)ᵀ: the kernel of the transposed sums, in which sources and targets change places.
+    ///
+    /// ```
+    /// use farfield_formula::TextFormula;
+    ///
+    /// let dipoles: TextFormula = "[[d1/r^3, d2/r^3, d3/r^3]]".parse()?;
+    /// assert_eq!((dipoles.rows(), dipoles.columns()), (1, 3));
+    /// let forces = dipoles.transposed();
+    /// assert_eq!((forces.rows(), forces.columns()), (3, 1));
+    /// # Ok::<(), farfield_formula::TextError>(())
+    /// ```
+    pub fn transposed(&self) -> Self {
+        let (graph, entries) = self.graph.exchanged(&self.entries);
+        let columns = self.columns();
+        let transposed = (0..columns)
+            .flat_map(|column| entries.iter().skip(column).step_by(columns).copied())
+            .collect();
+        Self { graph: Arc::new(graph), entries: transposed, rows: columns, ..self.clone() }
+    }
+
     /// The same formula, known as the ready kernel of that name.
     pub(crate) fn named(self, name: &'static str) -> Self {
         Self { name: Some(name), ..self }

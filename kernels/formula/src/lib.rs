@@ -47,16 +47,20 @@
 //! some hundred pairs with the engine's functions ([`farfield::math`]) before the next one does. Derivatives are
 //! further instructions.
 
+mod coincidence;
+mod columns;
 mod formula;
 mod graph;
 mod kernel;
 mod machine;
 mod plan;
+mod precision;
 mod ready;
 mod text;
 
 pub use formula::{Coincident, TextFormula};
 pub use kernel::TextKernel;
-pub use plan::{Options, Plan, Precision, direct_sums};
+pub use plan::{Derivatives, Options, Plan, direct_sums};
+pub use precision::Precision;
 pub use ready::{KernelError, Parameter, READY, Ready};
 pub use text::error::{Problem, TextError};

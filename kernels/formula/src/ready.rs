@@ -1,7 +1,7 @@
 //! Ready kernels by name.
 
 use crate::formula::{Coincident, TextFormula};
-use crate::text::error::TextError;
+use crate::text::error::{Problem, TextError};
 use crate::text::names::{continues_name, nearest};
 
 /// A kernel that has a name.
@@ -30,6 +30,10 @@ pub struct Parameter {
     pub default: f64,
     /// What it is.
     pub about: &'static str,
+    /// What it must be.
+    pub expected: &'static str,
+    /// Whether a number is that.
+    is_valid: fn(f64) -> bool,
 }
 
 impl Ready {
@@ -63,12 +67,21 @@ impl Ready {
     /// The formula, with other values for some of its parameters.
     ///
     /// # Errors
-    /// [`TextError`] if a parameter is not one of the kernel's, or its value is not finite.
+    /// [`TextError`] if a parameter is not one of the kernel's, or its value is not what it must be.
     pub fn formula(&self, parameters: &[(&str, f64)]) -> Result<TextFormula, TextError> {
         let given = |name: &str| parameters.iter().any(|(other, _)| *other == name);
         let defaults = self.parameters.iter().filter(|parameter| !given(parameter.name));
         let defaults = defaults.map(|parameter| (parameter.name, parameter.default));
         let all: Vec<_> = parameters.iter().copied().chain(defaults).collect();
+        for Parameter { name, expected, is_valid, .. } in self.parameters {
+            let found =
+                all.iter().find(|(other, x)| other == name && x.is_finite() && !is_valid(*x));
+            if let Some(&(_, found)) = found {
+                let name = (*name).to_owned();
+                let problem = Problem::ParameterDomain { name, kernel: self.name, found, expected };
+                return Err(TextError::of_parameters(self.text, problem));
+            }
+        }
         Ok(TextFormula::new(self.text, &all)?.coincident(self.coincident).named(self.name))
     }
 }
@@ -102,8 +115,12 @@ fn names() -> String {
     READY.map(|ready| ready.name).join(", ")
 }
 
-const fn parameter(name: &'static str, default: f64, about: &'static str) -> Parameter {
-    Parameter { name, default, about }
+const fn positive(name: &'static str, default: f64, about: &'static str) -> Parameter {
+    Parameter { name, default, about, expected: "a number above 0", is_valid: |x| x > 0.0 }
+}
+
+const fn not_negative(name: &'static str, default: f64, about: &'static str) -> Parameter {
+    Parameter { name, default, about, expected: "0 or a number above it", is_valid: |x| x >= 0.0 }
 }
 
 const fn scalar(name: &'static str, about: &'static str, text: &'static str) -> Ready {
@@ -126,9 +143,9 @@ impl Ready {
     }
 }
 
-const LENGTH: &[Parameter] = &[parameter("length", 1.0, "its length")];
-const SHAPE: &[Parameter] = &[parameter("c", 1.0, "the distance at which it bends")];
-const VISCOSITY: &[Parameter] = &[parameter("mu", 1.0, "the viscosity")];
+const LENGTH: &[Parameter] = &[positive("length", 1.0, "its length")];
+const SHAPE: &[Parameter] = &[positive("c", 1.0, "the distance at which it bends")];
+const VISCOSITY: &[Parameter] = &[positive("mu", 1.0, "the viscosity")];
 
 /// All ready kernels. d = x − y points from the source to the target, and r = |d|. Those that are singular or
 /// zero at r = 0 skip pairs at the same position; all others count them.
@@ -136,10 +153,16 @@ pub const READY: [Ready; 23] = [
     scalar("laplace", "1/r: the potential of charges and masses, without 4π or signs", "1/r"),
     scalar("laplace_dipole", "p·d/r³: the potential of dipoles p, three numbers a source", "[[d1/r^3, d2/r^3, d3/r^3]]"),
     scalar("yukawa", "exp(−k r)/r: the screened potential", "exp(-k*r)/r")
-        .with(&[parameter("k", 1.0, "one over the screening length")]),
+        .with(&[not_negative("k", 1.0, "one over the screening length")]),
     scalar("softened_coulomb", "1/√(r² + eps²): 1/r without its peak; a point does not act on itself", "1/sqrt(r2 + eps^2)")
-        .with(&[parameter("eps", 0.01, "the softening length")]),
-    scalar("inverse_power", "r^(−p)", "r^(-p)").with(&[parameter("p", 2.0, "the power")]),
+        .with(&[not_negative("eps", 0.01, "the softening length")]),
+    scalar("inverse_power", "r^(−p)", "r^(-p)").with(&[Parameter {
+        name: "p",
+        default: 2.0,
+        about: "the power",
+        expected: "any number",
+        is_valid: |_| true,
+    }]),
     scalar("gaussian", "exp(−(r/length)²)", "exp(-r2/length^2)").with(LENGTH).everywhere(),
     scalar("matern12", "exp(−r/length): Matérn's covariance of smoothness 1/2", "exp(-r/length)").with(LENGTH).one_at_zero(),
     scalar(
@@ -193,7 +216,16 @@ pub const READY: [Ready; 23] = [
           [d2*d1/r^3/(16*pi*G*(1 - nu)), ((3 - 4*nu)/r + d2*d2/r^3)/(16*pi*G*(1 - nu)), d2*d3/r^3/(16*pi*G*(1 - nu))], \
           [d3*d1/r^3/(16*pi*G*(1 - nu)), d3*d2/r^3/(16*pi*G*(1 - nu)), ((3 - 4*nu)/r + d3*d3/r^3)/(16*pi*G*(1 - nu))]]",
     )
-    .with(&[parameter("G", 1.0, "the shear modulus"), parameter("nu", 0.3, "Poisson's ratio")]),
+    .with(&[
+        positive("G", 1.0, "the shear modulus"),
+        Parameter {
+            name: "nu",
+            default: 0.3,
+            about: "Poisson's ratio",
+            expected: "a number from -1 to 0.5",
+            is_valid: |x| (-1.0..=0.5).contains(&x),
+        },
+    ]),
     scalar(
         "rpy",
         "Rotne, Prager and Yamakawa's mobility of spheres of radius a, also where they overlap or coincide",
@@ -210,6 +242,6 @@ pub const READY: [Ready; 23] = [
            where(r < 2*a, 1 - 9*r/(32*a) + 3*d3*d3/(32*a*max(r, 1e-30)), \
                           3*a/4*(1/r + 2*a^2/(3*r^3) + d3*d3*(1/r^3 - 2*a^2/r^5)))/(6*pi*mu*a)]]",
     )
-    .with(&[parameter("a", 0.01, "the radius"), parameter("mu", 1.0, "the viscosity")])
+    .with(&[positive("a", 0.01, "the radius"), positive("mu", 1.0, "the viscosity")])
     .everywhere(),
 ];

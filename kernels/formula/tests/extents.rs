@@ -3,7 +3,9 @@
 
 use farfield::glam::{DVec3, Vec3};
 use farfield::{Error, Fmm, Point, Real, Vector, WithGradient, direct, formula, relative_l2_error};
-use farfield_formula::{Coincident, Options, Plan, Precision, Ready, TextFormula, direct_sums};
+use farfield_formula::{
+    Coincident, Derivatives, Options, Plan, Precision, Ready, TextFormula, direct_sums,
+};
 use farfield_testing::clouds::{Random, charges};
 
 /// Text, degree of homogeneity, whether log s is added for a scale s.
@@ -45,14 +47,16 @@ fn check<T: Precision>(exponents: &[i32], rounding: f64, tolerance: f64) {
         let own: Vec<T> = charges.iter().map(|&q| T::from_f64(q as f32 as f64)).collect();
         let charges: Vec<f64> = own.iter().map(|q| q.as_f64()).collect();
         let ordinary = scaled::<f64>(&cloud, 0);
-        let exact = direct_sums(&kernel, &ordinary, &charges, &ordinary, true).unwrap();
+        let exact =
+            direct_sums(&kernel, &ordinary, &charges, &ordinary, Derivatives::Gradient).unwrap();
         let total: f64 = charges.iter().sum();
         for &exponent in exponents {
             let size = 2f64.powi(exponent);
             // A gradient has one degree less; what has no number in the precision is not asked for.
             let gradient = f64::from(degree - 1) * f64::from(exponent);
             let gradient = gradient.abs() < 0.8 * T::max_value().as_f64().log2();
-            let parts = if gradient { 4 } else { 1 };
+            let derivatives = if gradient { Derivatives::Gradient } else { Derivatives::None };
+            let parts = derivatives.parts();
             let (mut values, mut slopes) = (Vec::new(), Vec::new());
             for (i, all) in exact.chunks(4 * rows).enumerate() {
                 // Each point is skipped in its own sum, and the first two in each other's.
@@ -73,11 +77,11 @@ fn check<T: Precision>(exponents: &[i32], rounding: f64, tolerance: f64) {
                     assert!(off < bound, "gradient of {text} {what} at 2^{exponent}: {off:e}");
                 }
             };
-            let sums = direct_sums(&kernel, &places, &own, &places, gradient).unwrap();
+            let sums = direct_sums(&kernel, &places, &own, &places, derivatives).unwrap();
             held(&sums, rounding, "directly");
             let mut options = Options::default();
-            (options.tolerance, options.gradient, options.applications) =
-                (tolerance, gradient, 100);
+            (options.tolerance, options.derivatives, options.applications) =
+                (tolerance, derivatives, 100);
             let plan = Plan::new(&kernel, &places, &places, &options).unwrap();
             held(&plan.apply(&own).unwrap(), 3.0 * tolerance, "by a plan");
         }
@@ -107,7 +111,8 @@ fn far_fields_are_used_at_extreme_extents() {
     let found = plan.apply(&charges).unwrap();
     let ordinary = Ready::or_text("exp(-r)/r", &[]).unwrap();
     let (all, some) = (scaled::<f64>(&cloud, 0), scaled::<f64>(&cloud[..200], 0));
-    let exact = direct_sums(&ordinary, &all, &vec![1.0; all.len()], &some, false).unwrap();
+    let exact =
+        direct_sums(&ordinary, &all, &vec![1.0; all.len()], &some, Derivatives::None).unwrap();
     let exact: Vec<f64> = exact.iter().map(|u| u * 2f64.powi(-75)).collect();
     let off = error(&found[..200], &exact);
     assert!(off < 1e-3, "{off:e}");
@@ -149,11 +154,12 @@ fn parameters_of_any_size_are_right() {
         let exact = if text.starts_with('e') { (-1.0f64).exp() } else { 0.5f64.sqrt() / c };
         if r > 1e-35 && r < 1e35 {
             let x = [Vec3::new(0.0, r as f32, 0.0)];
-            let u = direct_sums(&kernel, &[Vec3::ZERO], &[1.0f32], &x, false).unwrap()[0];
+            let u =
+                direct_sums(&kernel, &[Vec3::ZERO], &[1.0f32], &x, Derivatives::None).unwrap()[0];
             assert!((f64::from(u) / exact - 1.0).abs() < 1e-6, "{text}: {u:e}");
         }
         let x = [DVec3::new(0.0, r, 0.0)];
-        let u = direct_sums(&kernel, &[DVec3::ZERO], &[1.0], &x, false).unwrap()[0];
+        let u = direct_sums(&kernel, &[DVec3::ZERO], &[1.0], &x, Derivatives::None).unwrap()[0];
         assert!((u / exact - 1.0).abs() < 1e-14, "{text}: {u:e}");
     }
 }
@@ -171,13 +177,22 @@ fn what_has_no_digits_in_its_precision_is_refused() {
     let options = Options::default();
     let places = scaled::<f32>(&cloud, 60);
     refused(Plan::<f32>::new(&kernel, &places, &places, &options).map(drop), "f32");
-    refused(direct_sums::<f32>(&kernel, &places, &[1.0; 300], &places, false).map(drop), "f32");
+    refused(
+        direct_sums::<f32>(&kernel, &places, &[1.0; 300], &places, Derivatives::None).map(drop),
+        "f32",
+    );
     let places = scaled::<f64>(&cloud, 400);
     refused(Plan::<f64>::new(&kernel, &places, &places, &options).map(drop), "f64");
-    refused(direct_sums::<f64>(&kernel, &places, &[1.0; 300], &places, false).map(drop), "f64");
+    refused(
+        direct_sums::<f64>(&kernel, &places, &[1.0; 300], &places, Derivatives::None).map(drop),
+        "f64",
+    );
     let written = formula!(|d| (d.length_squared() * d.length_squared()).recip()).skip_coincident();
     refused(direct(&written, &places, &[1.0; 300], &places).map(drop), "f64");
     // Kernels that are zero between most points are not lost there.
     let compact = TextFormula::new("where(r < 1, 1, 0)", &[]).unwrap();
-    assert_eq!(direct_sums(&compact, &places, &[1.0; 300], &places, false).unwrap(), [0.0; 300]);
+    assert_eq!(
+        direct_sums(&compact, &places, &[1.0; 300], &places, Derivatives::None).unwrap(),
+        [0.0; 300]
+    );
 }

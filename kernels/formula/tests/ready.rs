@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use farfield::glam::DVec3;
 use farfield::relative_l2_error;
-use farfield_formula::{KernelError, Options, Plan, READY, Ready};
+use farfield_formula::{Derivatives, KernelError, Options, Plan, READY, Ready};
 use farfield_testing::clouds::Random;
 
 /// What a source with charges q at d = x − y contributes.
@@ -118,7 +118,7 @@ fn gradients_follow_the_values() {
     for (name, parameters, pair) in KERNELS {
         let kernel = Ready::or_text(name, parameters).unwrap();
         let mut options = Options::default();
-        options.gradient = true;
+        options.derivatives = Derivatives::Gradient;
         let plan = Plan::<f64>::new(&kernel, &[y], &[x], &options).unwrap();
         let charge = vec![0.7; plan.densities()];
         let found = plan.apply(&charge).unwrap();
@@ -141,7 +141,7 @@ fn gradients_follow_the_values() {
 fn points_may_meet_themselves() {
     let points = [DVec3::ZERO, DVec3::new(0.3, 0.4, 0.5)];
     let mut options = Options::default();
-    options.gradient = true;
+    options.derivatives = Derivatives::Gradient;
     // The mobility has no derivatives at r = 0.
     for (name, ..) in KERNELS.iter().filter(|(name, ..)| *name != "rpy") {
         let kernel = Ready::or_text(name, &[]).unwrap();

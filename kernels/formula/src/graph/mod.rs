@@ -1,6 +1,7 @@
 //! A formula as a graph of operations, in which nothing is computed twice.
 
 pub(crate) mod derivatives;
+mod exchange;
 mod simplify;
 
 use std::collections::HashMap;

@@ -192,6 +192,18 @@ pub enum Problem {
         /// Its name.
         name: String,
     },
+    /// A value that a ready kernel can't have.
+    #[error("the parameter {name:?} of {kernel} is {found}: expected {expected}")]
+    ParameterDomain {
+        /// Its name.
+        name: String,
+        /// The kernel.
+        kernel: &'static str,
+        /// Its value.
+        found: f64,
+        /// What it must be.
+        expected: &'static str,
+    },
     /// A value that is no number.
     #[error("the parameter {name:?} is {found}: expected a finite number")]
     ParameterValue {
