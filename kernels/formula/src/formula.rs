@@ -108,6 +108,12 @@ impl TextFormula {
         self.entries.len() / self.rows.max(1)
     }
 
+    /// What tells its entries from those of all other formulas: all operations, with every bit of their numbers.
+    pub(crate) fn identity(&self) -> String {
+        let nodes: Vec<_> = self.graph.nodes().collect();
+        format!("text {} {:?} {nodes:?}", self.rows, self.entries)
+    }
+
     /// Instructions for the entries.
     pub(crate) fn program<T: Real>(&self) -> Program<T> {
         Program::new(&self.graph, &self.entries)
@@ -148,5 +154,24 @@ impl fmt::Debug for TextFormula {
             .field("text", &self.text)
             .field("coincident", &self.coincident)
             .finish_non_exhaustive()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn identities_are_those_of_the_entries() {
+        let identity = |text: &str, k: f64| {
+            let parameters: &[(&str, f64)] = if text.contains('k') { &[("k", k)] } else { &[] };
+            TextFormula::new(text, parameters).expect("a formula").identity()
+        };
+        let one = identity("exp(-k*r)/r", 2.0);
+        assert_eq!(one, identity("exp( -k * r ) / r", 2.0));
+        for (text, k) in [("exp(-k*r)/r", 2.0f64.next_up()), ("exp(-k*r)", 2.0), ("1/r", 2.0)] {
+            assert_ne!(one, identity(text, k), "{text}");
+        }
+        assert_ne!(identity("[[r, r]]", 0.0), identity("[[r], [r]]", 0.0));
     }
 }

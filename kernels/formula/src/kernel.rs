@@ -182,6 +182,12 @@ where
         self.derivatives == Derivatives::First
     }
 
+    fn identity(&self) -> Option<String> {
+        let what = self.formula.identity();
+        let second = self.derivatives == Derivatives::Second;
+        Some(if second { format!("second derivatives of {what}") } else { what })
+    }
+
     fn pair_seconds(&self, _tolerance: f64) -> f64 {
         pair_seconds(&self.parts, self.columns())
     }
