@@ -21,7 +21,7 @@ pub struct Geometry<T: Real> {
     /// longer had better refuse with [`Error::OverWork`](crate::Error::OverWork) as soon as it sees that: where the engine may
     /// choose the scheme, it then sums directly.
     pub most_seconds: f64,
-    /// Likewise those that an application may take: not much more than direct sums do.
+    /// Likewise those that the far field of an application may take.
     pub most_apply_seconds: f64,
     /// Seconds of one core that a pair summed directly takes.
     pub pair_seconds: f64,

@@ -145,6 +145,13 @@ impl Lists {
         std::iter::once((1.0, &self.m2l)).chain(weighed)
     }
 
+    /// Whether all of so many sources are summed directly at every target, and every pair counts.
+    pub(crate) fn is_direct(&self, targets: &Shape, sources: usize) -> bool {
+        let all = [Run { first: 0, last: sources as u32, bits: ALL }];
+        let meets_all = |&leaf: &u32| *self.near.of(leaf as usize) == all;
+        self.shares.items.is_empty() && targets.leaves.iter().all(meets_all)
+    }
+
     /// Whether target cell `t` receives anything by M2L.
     pub(crate) fn has_m2l(&self, t: usize) -> bool {
         self.weighed_m2l().any(|(_, list)| !list.of(t).is_empty())

@@ -104,7 +104,7 @@ impl<K: Kernel> Interpolation<K> {
         match &self.prepared {
             Prepared::Everywhere(_) => None,
             Prepared::Invariant(invariant) => {
-                Some(invariant.level(level).transfers.multiply_adds())
+                Some(invariant.level(level).transfers.numbering.multiply_adds())
             }
         }
     }
@@ -114,7 +114,9 @@ impl<K: Kernel> Interpolation<K> {
     pub fn mean_m2l_rank(&self, level: usize) -> Option<f64> {
         match &self.prepared {
             Prepared::Everywhere(_) => None,
-            Prepared::Invariant(invariant) => Some(invariant.level(level).transfers.mean_rank()),
+            Prepared::Invariant(invariant) => {
+                Some(invariant.level(level).transfers.numbering.mean_rank())
+            }
         }
     }
 

@@ -1,72 +1,74 @@
 //! What operators were built from, as one number.
 
-use std::hash::Hasher;
-use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
-
 use crate::interpolation::entries::{Entries, PointOf, zero};
-use crate::interpolation::hashing::StableHasher;
+use crate::interpolation::hashing::Digest;
 use crate::interpolation::operators::{Operators, Sizes};
 use crate::interpolation::probe::sample;
-use crate::interpolation::ranges::between;
+use crate::interpolation::ranges::skeletons;
 use crate::interpolation::tuning::CHECK_POINTS;
 use crate::numbers::traits::{Point, Real, Scalar, Vector};
 use crate::parallel;
 
 impl<S: Scalar> Operators<S> {
-    /// A number that stands for all values of the kernel from which bases and M2L matrices were made, and for
-    /// values between random points of all pairs of cells. Another kernel with the same number has the same
-    /// operators.
+    /// A number that stands for a quarter of the values of the kernel from which bases and M2L matrices were made: for
+    /// the whole fields of one source of four. It also stands for values between random points of all pairs of cells.
+    /// Kernels that differ in what operators are made of have the same number only if they differ next to nowhere.
     pub(crate) fn digest(
         &self,
         kernel: &Entries<'_, S>,
         slopes: Option<&Entries<'_, S>>,
         sizes: &Sizes<S::Real>,
     ) -> u64 {
-        let sum = AtomicU64::new(0);
+        let digest = Digest::default();
+        let digested = &kernel.digested_by(Some(&digest));
+        for (l, level) in self.levels.iter().enumerate() {
+            let far = sizes.far_field(l, level.bases.reflected);
+            let (nodes, sources) = far.places(&self.rule);
+            let field = |xs: &[PointOf<S>], y: PointOf<S>| {
+                if Digest::takes(&y.to_array()) {
+                    let len = xs.len() * kernel.fields * kernel.densities;
+                    digested.write(xs, y, &mut vec![zero::<S>(); len]);
+                }
+            };
+            parallel::for_each(sources.len(), &|j| field(&nodes, sources[j]));
+            let offsets = far.carried().offsets();
+            parallel::for_each(offsets.len(), &|o| {
+                if !level.bases.reflected || offsets[o].iter().all(|&o| o >= 0) {
+                    let [xs, ys] = skeletons(&level.bases, offsets[o]);
+                    ys.into_iter().for_each(|y| field(&xs, y));
+                }
+            });
+        }
+        self.digest_from(digest, kernel, slopes, sizes)
+    }
+
+    /// The same, if `digest` has the values that bases and matrices were made from.
+    pub(crate) fn digest_from(
+        &self,
+        digest: Digest,
+        kernel: &Entries<'_, S>,
+        slopes: Option<&Entries<'_, S>>,
+        sizes: &Sizes<S::Real>,
+    ) -> u64 {
+        let kernel = &kernel.digested_by(Some(&digest));
+        let slopes = slopes.map(|slopes| slopes.digested_by(Some(&digest)));
         for (l, level) in self.levels.iter().enumerate() {
             let half_width = sizes.half_widths[l];
             let far = sizes.far_field(l, level.bases.reflected);
-            let (nodes, sources) = far.places(&self.rule);
-            parallel::for_each(sources.len(), &|j| add(&sum, kernel, &nodes, sources[j]));
-
             let offsets = far.carried().offsets();
             parallel::for_each(offsets.len(), &|o| {
-                let folded = !level.bases.reflected || offsets[o].iter().all(|&o| o >= 0);
-                if folded {
-                    let values = between(kernel, &level.bases, offsets[o]);
-                    sum.fetch_add(hash(&values.data), Relaxed);
-                }
                 let step = offsets[o].map(|o| S::Real::from_f64(2.0 * f64::from(o)));
                 let step = Point::<S::Real>::from_array(step);
                 let at = |k: usize| sample::<S::Real>(1000 + k) * half_width;
                 let xs: Vec<PointOf<S>> =
                     (0..CHECK_POINTS).map(|k| at(CHECK_POINTS + k) + step * half_width).collect();
-                for y in (0..CHECK_POINTS).map(at) {
-                    add(&sum, kernel, &xs, y);
-                    if let Some(slopes) = slopes {
-                        add(&sum, slopes, &xs, y);
-                    }
+                for entries in [Some(kernel), slopes.as_ref()].into_iter().flatten() {
+                    let len = xs.len() * entries.fields * entries.densities;
+                    let mut values = vec![zero::<S>(); len];
+                    (0..CHECK_POINTS).for_each(|k| entries.write(&xs, at(k), &mut values));
                 }
             });
         }
-        sum.into_inner()
+        digest.value()
     }
-}
-
-/// Adds the values of the kernel between some points.
-fn add<S: Scalar>(sum: &AtomicU64, kernel: &Entries<'_, S>, xs: &[PointOf<S>], y: PointOf<S>) {
-    let mut values = vec![zero::<S>(); xs.len() * kernel.fields * kernel.densities];
-    kernel.write(xs, y, &mut values);
-    sum.fetch_add(hash(&values), Relaxed);
-}
-
-/// A number for some numbers in their order.
-fn hash<S: Scalar>(numbers: &[S]) -> u64 {
-    let mut hasher = StableHasher::default();
-    for number in numbers {
-        for part in &number.parts()[..S::PARTS] {
-            hasher.write_u64(part.as_f64().to_bits());
-        }
-    }
-    hasher.value()
 }

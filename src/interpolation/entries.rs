@@ -1,8 +1,9 @@
 //! The entries of a kernel as set-up sees them.
 
 use crate::error::Error;
+use crate::interpolation::hashing::Digest;
 use crate::interpolation::work::Work;
-use crate::numbers::traits::{Numbers, Point, Scalar};
+use crate::numbers::traits::{Numbers, Point, Scalar, Vector};
 
 /// The entries of a kernel, G(x, y), with the kernel's type forgotten: what set-up works on.
 pub(crate) struct Entries<'a, S: Scalar> {
@@ -15,6 +16,8 @@ pub(crate) struct Entries<'a, S: Scalar> {
     /// What all entries are multiplied by.
     factor: Option<S>,
     work: Option<&'a Work>,
+    /// What takes values as they are written.
+    digest: Option<&'a Digest>,
 }
 
 /// Writes the entries of a block of pairs, as [`Kernel::entries_block`](crate::Kernel::entries_block).
@@ -25,12 +28,18 @@ pub(crate) type PointOf<S> = Point<<S as Numbers>::Real>;
 
 impl<'a, S: Scalar> Entries<'a, S> {
     pub(crate) fn new(fields: usize, densities: usize, block: &'a Block<'a, S>) -> Self {
-        Self { fields, densities, block, transposed: false, factor: None, work: None }
+        let (transposed, factor, work, digest) = (false, None, None, None);
+        Self { fields, densities, block, transposed, factor, work, digest }
     }
 
     /// The same entries, evaluated at the expense of `work`.
     pub(crate) fn at_expense_of(self, work: &'a Work) -> Self {
         Self { work: Some(work), ..self }
+    }
+
+    /// The same entries, of which `digest` takes what is written.
+    pub(crate) fn digested_by<'b>(&'b self, digest: Option<&'b Digest>) -> Entries<'b, S> {
+        Entries { digest, ..*self }
     }
 
     /// Refuses work that can't be afforded, see [`Work::spend`].
@@ -109,6 +118,9 @@ impl<'a, S: Scalar> Entries<'a, S> {
         }
         if let Some(factor) = self.factor {
             g.iter_mut().for_each(|entry| *entry *= factor);
+        }
+        if let Some(digest) = self.digest.filter(|_| Digest::takes(&y.to_array())) {
+            digest.add(g);
         }
     }
 

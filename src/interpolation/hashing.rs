@@ -1,6 +1,9 @@
 //! Hashes that are the same in every process.
 
 use std::hash::Hasher;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+use crate::numbers::traits::{Real, Scalar};
 
 /// A hash of numbers that does not change from one release of the standard library to the next. It tells different inputs
 /// apart, not those that someone made to be alike.
@@ -58,6 +61,43 @@ impl Hasher for StableHasher {
     }
 }
 
+/// A hash of the fields of some sources, whatever their order. They may come from several threads.
+#[derive(Debug, Default)]
+pub(crate) struct Digest(AtomicU64);
+
+/// One of so many sources is taken.
+const TAKEN: u64 = 4;
+
+impl Digest {
+    /// Whether the field of a source at these coordinates is taken: one of four is, whichever they are.
+    pub(crate) fn takes<T: Real>(coordinates: &[T]) -> bool {
+        let mut hasher = StableHasher::default();
+        coordinates.iter().for_each(|x| hasher.write_u64(x.as_f64().to_bits()));
+        hasher.value().is_multiple_of(TAKEN)
+    }
+
+    /// Takes the values of one more field.
+    pub(crate) fn add<S: Scalar>(&self, numbers: &[S]) {
+        let mut hasher = StableHasher::default();
+        for number in numbers {
+            for part in &number.parts()[..S::PARTS] {
+                hasher.write_u64(part.as_f64().to_bits());
+            }
+        }
+        self.0.fetch_add(hasher.value(), Relaxed);
+    }
+
+    /// Takes all fields that another one has.
+    pub(crate) fn join(&self, other: &Self) {
+        self.0.fetch_add(other.value(), Relaxed);
+    }
+
+    /// The hash of all fields so far.
+    pub(crate) fn value(&self) -> u64 {
+        self.0.load(Relaxed)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -78,6 +118,15 @@ mod tests {
         hashes.sort_unstable();
         hashes.dedup();
         assert_eq!(hashes.len(), inputs.len());
+        let sum = |lists: &[&[f64]]| {
+            let digest = Digest::default();
+            lists.iter().for_each(|list| digest.add(list));
+            digest.value()
+        };
+        assert_eq!(sum(&[&[1.0, 2.0], &[3.0]]), sum(&[&[3.0], &[1.0, 2.0]]));
+        assert_ne!(sum(&[&[1.0, 2.0], &[3.0]]), sum(&[&[1.0], &[2.0, 3.0]]));
+        let taken = (0..1000).filter(|&i| Digest::takes(&[f64::from(i), 0.5, 0.25])).count();
+        assert!((200..300).contains(&taken), "{taken}");
         // Files that earlier versions wrote are found by these.
         assert_eq!(hash(1u64), 0x83c2_0ae7_ffc5_992f);
     }

@@ -11,6 +11,7 @@ use crate::interpolation::operators::{Operators, Sizes};
 use crate::interpolation::scale::Scale;
 use crate::interpolation::stored::Stored;
 use crate::numbers::traits::{Real, Scalar};
+use crate::parallel;
 
 /// What a kernel is recognised by.
 #[derive(Clone, Debug, PartialEq)]
@@ -43,16 +44,19 @@ impl Key {
         accuracy: Accuracy,
         sizes: &Sizes<S::Real>,
     ) -> Self {
-        let mut hasher = StableHasher::default();
-        for (level, reach) in sizes.reaches.iter().enumerate() {
-            reach.to_bits().hash(&mut hasher);
+        let of_level = |level: usize| {
+            let mut hasher = StableHasher::default();
+            sizes.reaches[level].to_bits().hash(&mut hasher);
             let scales = [sizes.scales.get(level), sizes.slope_scales.get(level)];
             scales.map(|scale| scale.map(Scale::key)).hash(&mut hasher);
             sizes.carried[level].hash(&mut hasher);
             sizes.far_field(level, true).for_each_entry(kernel, |entry: S| {
                 entry.parts().map(|part| part.as_f64().to_bits()).hash(&mut hasher);
             });
-        }
+            hasher.value()
+        };
+        let mut hasher = StableHasher::default();
+        parallel::map(sizes.reaches.len(), &of_level).hash(&mut hasher);
         let half_widths = sizes.half_widths.iter().map(|h| h.as_f64()).collect();
         Self { identity, with_slopes, accuracy, half_widths, fingerprint: hasher.value() }
     }
@@ -70,7 +74,7 @@ impl Key {
 pub(crate) struct Known {
     pub(crate) key: Key,
     pub(crate) operators: Arc<dyn AnyOperators>,
-    /// Of all values that the operators were built from.
+    /// Of values that the operators were built from.
     pub(crate) digest: Option<u64>,
     pub(crate) bytes: usize,
 }

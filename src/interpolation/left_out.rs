@@ -8,6 +8,7 @@ use crate::interpolation::order::{Refusal, Restriction};
 use crate::interpolation::tuning::WORTH_LEAVING;
 use crate::kernel::mask::Coverage;
 use crate::numbers::traits::{Real, Scalar, Vector};
+use crate::parallel;
 
 /// Asks for the offsets to be left out at which all that a kernel and its derivatives can send is within a share of
 /// the tolerance, if there are many of them on some level.
@@ -27,7 +28,8 @@ pub(crate) fn leave_out<S: Scalar>(
         let size = size.min(through);
         size.is_finite().then(|| share * size / unit / cells.max(1.0).sqrt())
     };
-    let offsets = levels.iter().map(|level| {
+    let offsets: Vec<Vec<bool>> = parallel::map(levels.len(), &|index| {
+        let level = &levels[index];
         let values = most(level.values);
         let derivatives = slopes.map(|slopes| (slopes, most(level.slopes)));
         let is_little = |offset: [i32; 3]| {
@@ -38,7 +40,6 @@ pub(crate) fn leave_out<S: Scalar>(
         };
         interaction_offsets().map(is_little).collect()
     });
-    let offsets: Vec<Vec<bool>> = offsets.collect();
     let all: f64 = interaction_offsets().map(weight).sum();
     let share = |level: &Vec<bool>| {
         let left_out = interaction_offsets().zip(level).filter(|(_, own)| **own);

@@ -9,6 +9,7 @@ use crate::interpolation::budget::{PASSING_SHARE, SLOPE_SHARE, truncation_share}
 use crate::interpolation::chebyshev::Chebyshev;
 use crate::interpolation::entries::Entries;
 use crate::interpolation::far_field::FarField;
+use crate::interpolation::hashing::Digest;
 use crate::interpolation::means::INTERACTION_OFFSETS;
 use crate::interpolation::probe::{self, Parities};
 use crate::interpolation::scale::Scale;
@@ -41,6 +42,14 @@ pub(crate) struct Request<'a, S: Scalar> {
     pub(crate) tolerance: f64,
     /// The share of the tolerance that errors between sample points may reach.
     pub(crate) accepted: f64,
+    /// Whether it has to be known which values the operators were made from.
+    pub(crate) digested: bool,
+}
+
+/// The operators of a level, and the values of the kernel that they were made from, if these have to be known.
+pub(crate) struct Built<S: Scalar> {
+    pub(crate) operators: LevelOperators<S>,
+    pub(crate) digest: Digest,
 }
 
 /// The operators of some levels, with cut-offs tightened until sample pairs of all levels together are accurate
@@ -48,25 +57,23 @@ pub(crate) struct Request<'a, S: Scalar> {
 ///
 /// # Errors
 /// What can't be afforded.
-pub(crate) fn build_levels<S: Scalar>(
-    requests: &[Request<'_, S>],
-) -> Result<Vec<LevelOperators<S>>, Error> {
+pub(crate) fn build_levels<S: Scalar>(requests: &[Request<'_, S>]) -> Result<Vec<Built<S>>, Error> {
     let first = parallel::map(requests.len(), &|k| Attempt::first(&requests[k]));
     let mut attempts: Vec<Attempt<'_, S>> = first.into_iter().collect::<Result<_, _>>()?;
     let accepted: f64 = requests.iter().map(|request| request.accepted_error().powi(2)).sum();
     for _ in 1..ATTEMPTS {
-        let squares = attempts.iter().map(|attempt| attempt.level.error.powi(2));
+        let squares = attempts.iter().map(|attempt| attempt.built.operators.error.powi(2));
         if squares.sum::<f64>() <= accepted {
             break;
         }
         let next = parallel::map(attempts.len(), &|k| attempts[k].tightened());
         for (attempt, next) in attempts.iter_mut().zip(next) {
-            if let Some((share, level)) = next? {
-                attempt.take(share, level);
+            if let Some((share, built)) = next? {
+                attempt.take(share, built);
             }
         }
     }
-    Ok(attempts.into_iter().map(|attempt| attempt.level).collect())
+    Ok(attempts.into_iter().map(|attempt| attempt.built).collect())
 }
 
 /// The operators of a level with one choice of its cut-offs.
@@ -76,7 +83,7 @@ struct Attempt<'a, S: Scalar> {
     spectra: Option<Spectra<S>>,
     /// The share of the tolerance that truncations have.
     share: f64,
-    level: LevelOperators<S>,
+    built: Built<S>,
 }
 
 impl<'a, S: Scalar> Attempt<'a, S> {
@@ -91,24 +98,24 @@ impl<'a, S: Scalar> Attempt<'a, S> {
             share *= PASSING_SHARE;
         }
         // The first attempt is seldom the last.
-        let level = request.operators(&spectra, share, 2.0)?;
-        let spectra = (level.error > request.accepted_error()).then_some(spectra);
-        Ok(Self { request, spectra, share, level })
+        let built = request.operators(&spectra, share, 2.0)?;
+        let spectra = (built.operators.error > request.accepted_error()).then_some(spectra);
+        Ok(Self { request, spectra, share, built })
     }
 
     /// A smaller share and what comes of it; none if the level's own error is accepted.
-    fn tightened(&self) -> Result<Option<(f64, LevelOperators<S>)>, Error> {
+    fn tightened(&self) -> Result<Option<(f64, Built<S>)>, Error> {
         let Some(spectra) = &self.spectra else { return Ok(None) };
-        let excess = self.level.error / self.request.accepted_error();
+        let excess = self.built.operators.error / self.request.accepted_error();
         let share = self.share * (0.9 / excess).clamp(0.2, 0.75);
         Ok(Some((share, self.request.operators(spectra, share, 1.0)?)))
     }
 
-    fn take(&mut self, share: f64, level: LevelOperators<S>) {
-        if level.error <= self.request.accepted_error() {
+    fn take(&mut self, share: f64, built: Built<S>) {
+        if built.operators.error <= self.request.accepted_error() {
             self.spectra = None;
         }
-        (self.share, self.level) = (share, level);
+        (self.share, self.built) = (share, built);
     }
 }
 
@@ -118,6 +125,8 @@ struct Spectra<S: Scalar> {
     /// None if they are those of the targets.
     sources: Option<Spectrum<S>>,
     reflected: bool,
+    /// The values that those of the targets are made from.
+    digest: Digest,
 }
 
 impl<S: Scalar> Request<'_, S> {
@@ -133,7 +142,9 @@ impl<S: Scalar> Request<'_, S> {
             let parities = parities.as_ref().map(of);
             Spectrum::new(kernel, parities, self.far, self.rule, scale)
         };
-        let targets = spectrum(self.kernel, |p| &p.fields)?;
+        let digest = Digest::default();
+        let digested = self.kernel.digested_by(self.digested.then_some(&digest));
+        let targets = spectrum(&digested, |p| &p.fields)?;
         // A basis serves both sides only if its functions have the same signs on both: dx·dy is symmetric, but
         // its field is odd and its density even, or the other way round.
         let alike = parities.as_ref().is_none_or(|p| p.fields == p.densities);
@@ -142,16 +153,11 @@ impl<S: Scalar> Request<'_, S> {
         } else {
             Some(spectrum(&self.kernel.transpose(), |p| &p.densities)?)
         };
-        Ok(Spectra { targets, sources, reflected: parities.is_some() })
+        Ok(Spectra { targets, sources, reflected: parities.is_some(), digest })
     }
 
     /// Bases and M2L matrices, if so many times their costs can be afforded.
-    fn operators(
-        &self,
-        spectra: &Spectra<S>,
-        share: f64,
-        times: f64,
-    ) -> Result<LevelOperators<S>, Error> {
+    fn operators(&self, spectra: &Spectra<S>, share: f64, times: f64) -> Result<Built<S>, Error> {
         let cut = share * self.tolerance * self.scale.size;
         let rank = spectra.targets.rank(cut);
         let [evaluations, multiply_adds] =
@@ -165,10 +171,13 @@ impl<S: Scalar> Request<'_, S> {
         };
         let (half_width, reflected) = (self.far.half_width(), spectra.reflected);
         let bases = Bases { half_width, source, target, reflected, cut };
-        let transfers = Transfers::new(self.kernel, &bases, &self.far.carried().offsets());
-        let mut level = LevelOperators { bases, transfers, error: f64::INFINITY };
-        level.error = self.check(&level).mean;
-        Ok(level)
+        let digest = Digest::default();
+        digest.join(&spectra.digest);
+        let kernel = self.kernel.digested_by(self.digested.then_some(&digest));
+        let transfers = Transfers::new(&kernel, &bases, &self.far.carried().offsets());
+        let mut operators = LevelOperators { bases, transfers, error: f64::INFINITY };
+        operators.error = self.check(&operators).mean;
+        Ok(Built { operators, digest })
     }
 }
 

@@ -14,6 +14,7 @@ use crate::interpolation::chebyshev::Chebyshev;
 use crate::interpolation::cost;
 use crate::interpolation::entries::Entries;
 use crate::interpolation::far_field::FarField;
+use crate::interpolation::hashing::Digest;
 use crate::interpolation::level::{LevelOperators, Request, build_levels, operator_costs};
 use crate::interpolation::means::largest;
 use crate::interpolation::offset_errors::{OffsetErrors, test_costs};
@@ -24,6 +25,7 @@ use crate::interpolation::slopes::Slopes;
 use crate::interpolation::tuning::{MAX_ORDER, MORE_ORDERS, WHOLE_DENSITY};
 use crate::linalg::matrix::Matrix;
 use crate::numbers::traits::{Real, Scalar};
+use crate::parallel;
 
 /// The operators of a translation-invariant kernel.
 #[derive(Debug)]
@@ -70,18 +72,18 @@ impl<T: Real> Sizes<T> {
 }
 
 impl<S: Scalar> Operators<S> {
+    /// New operators; with the values of the kernel that they were made from, if they are to be `digested`.
     pub(crate) fn new(
         kernel: &Entries<'_, S>,
         slopes: Option<&Entries<'_, S>>,
         accuracy: Accuracy,
         sizes: &Sizes<S::Real>,
-    ) -> Result<Self, Refusal> {
-        let fields = sizes
-            .half_widths
-            .iter()
-            .enumerate()
-            .map(|(level, &h)| sizes.far_field(level, probe::parities(kernel, h).is_some()));
-        let fields: Vec<FarField<S::Real>> = fields.collect();
+        digested: bool,
+    ) -> Result<(Self, Digest), Refusal> {
+        let fields: Vec<FarField<S::Real>> = parallel::map(sizes.half_widths.len(), &|level| {
+            let reflected = probe::parities(kernel, sizes.half_widths[level]).is_some();
+            sizes.far_field(level, reflected)
+        });
         let scales = &sizes.scales;
         let symmetric = fields.iter().all(|far| probe::symmetric(kernel, far.half_width()));
         let with_slopes = slopes.is_some();
@@ -160,9 +162,13 @@ impl<S: Scalar> Operators<S> {
                 slopes: slopes[level].as_ref(),
                 tolerance: tolerance / levels,
                 accepted,
+                digested,
             };
             let requests: Vec<Request<'_, S>> = (0..fields.len()).map(request).collect();
-            let levels = build_levels(&requests)?;
+            let digest = Digest::default();
+            let built = build_levels(&requests)?;
+            built.iter().for_each(|built| digest.join(&built.digest));
+            let levels: Vec<_> = built.into_iter().map(|built| built.operators).collect();
             let squares = levels.iter().map(|level| level.error * level.error);
             let error = squares.sum::<f64>().sqrt();
             // One order more, rather than an error that sampling may have got wrong; but only if
@@ -172,7 +178,7 @@ impl<S: Scalar> Operators<S> {
                 && worst(&rule) > LIMITING_SHARE * needed;
             if error <= needed && !try_next {
                 let shifts = shifts(&rule, &levels);
-                return Ok(Self { rule, error, levels, shifts });
+                return Ok((Self { rule, error, levels, shifts }, digest));
             }
             reachable = reachable.min(error);
             if !try_next {
@@ -200,8 +206,9 @@ fn foretell<S: Scalar>(
         // The rank of 1/r is that of a smooth kernel; others have more.
         let rank = cost::rank(accuracy, kernel.fields.min(kernel.densities)) as usize;
         let [own, products] = operator_costs(kernel, n, rank, parities.is_some());
-        evaluations += sides * samples + own;
-        multiply_adds += sides * columns + products;
+        // The first attempt is seldom the last.
+        evaluations += sides * samples + 2.0 * own;
+        multiply_adds += sides * columns + 2.0 * products;
     }
     kernel.afford(evaluations, multiply_adds)
 }

@@ -24,6 +24,7 @@ use crate::interpolation::transfer::Transfers;
 use crate::interpolation::tuning::{EXTENDED_BYTES, SAMPLED_REACH, SLOPE_ROUNDING, SMOOTH_SHARE};
 use crate::linalg::matrix::Matrix;
 use crate::numbers::traits::{Real, Scalar};
+use crate::parallel;
 
 /// Operators, as far as they can be prepared.
 pub(crate) enum Prepared<S: Scalar> {
@@ -140,7 +141,8 @@ impl<S: Scalar> Invariant<S> {
         {
             leave_out(kernel, slopes, unit_size, tolerance, &geometry.levels)?;
         }
-        for index in 0..sizes.half_widths.len() {
+        type Scales = (Scale, Option<Scale>);
+        let of_level = |index: usize| -> Result<Scales, Refusal> {
             // One set of operators serves all levels, or one.
             let own = if sizes.homogeneous { 0..geometry.levels.len() } else { index..index + 1 };
             let far = sizes.far_field(index, true);
@@ -160,10 +162,14 @@ impl<S: Scalar> Invariant<S> {
                     levels.filter_map(|level| Served::new(level, degree, unit_size, derivatives));
                 Ok(Scale::new(model, served))
             };
-            sizes.scales.push(scale(kernel, false)?);
-            if let Some(slopes) = slopes {
-                sizes.slope_scales.push(scale(&slopes.times(far.half_width()), true)?);
-            }
+            let own = scale(kernel, false)?;
+            let of_slopes = |slopes: &Entries<'_, S>| scale(&slopes.times(far.half_width()), true);
+            Ok((own, slopes.map(of_slopes).transpose()?))
+        };
+        for scales in parallel::map(sizes.half_widths.len(), &of_level) {
+            let (own, of_slopes) = scales?;
+            sizes.scales.push(own);
+            sizes.slope_scales.extend(of_slopes);
         }
         if let (Accuracy::Tolerance(requested), Some(_)) = (accuracy, slopes) {
             let reachable = slope_floor(&geometry.levels);
@@ -206,7 +212,7 @@ impl<S: Scalar> Invariant<S> {
             let mut images: Vec<[i32; 3]> = offsets.iter().map(image).collect();
             images.sort_unstable_by_key(|&image| (distance_squared(image), image));
             images.dedup();
-            let core = level.transfers.mean_rank().powi(2) * size_of::<S>() as f64;
+            let core = level.transfers.numbering.mean_rank().powi(2) * size_of::<S>() as f64;
             let bytes = (core as usize).max(1);
             let beyond = images.get(bytes_left / bytes).map(|&image| distance_squared(image));
             offsets.retain(|&o| beyond.is_none_or(|beyond| distance_squared(o) < beyond));
@@ -275,8 +281,10 @@ fn operators<S: Scalar>(
             return Ok(operators);
         }
     }
-    let operators = Arc::new(Operators::new(kernel, slopes, accuracy, sizes)?);
-    let digest = store.needs_digest(&key).then(|| operators.digest(kernel, slopes, sizes));
+    let digested = store.needs_digest(&key);
+    let (operators, digest) = Operators::new(kernel, slopes, accuracy, sizes, digested)?;
+    let digest = digested.then(|| operators.digest_from(digest, kernel, slopes, sizes));
+    let operators = Arc::new(operators);
     store.remember(key, Arc::clone(&operators), digest);
     Ok(operators)
 }

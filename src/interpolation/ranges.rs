@@ -8,7 +8,7 @@ use std::sync::Arc;
 use crate::interpolation::bases::Bases;
 use crate::interpolation::basis::{adjoint, product, smallest_kept};
 use crate::interpolation::budget::SIDE_SHARE;
-use crate::interpolation::entries::{Entries, zero};
+use crate::interpolation::entries::{Entries, PointOf, zero};
 use crate::interpolation::means::weight;
 use crate::interpolation::tuning::{MORE_VECTORS, RANGE_REACH};
 use crate::linalg::dense::Svd;
@@ -184,22 +184,28 @@ pub(crate) fn between<S: Scalar>(
     bases: &Bases<S>,
     offset: [i32; 3],
 ) -> Matrix<S> {
-    let step = offset.map(|o| S::Real::from_f64(2.0 * f64::from(o)));
-    let step = Point::<S::Real>::from_array(step);
-    let [ys, xs] = [&bases.source, &bases.target].map(|basis| &basis.skeleton.points);
-    let xs: Vec<_> = xs.iter().map(|&x| (x + step) * bases.half_width).collect();
+    let [xs, ys] = skeletons(bases, offset);
     let rows = xs.len() * kernel.fields;
     let columns = ys.len() * kernel.densities;
     let mut values = Matrix { rows, columns, data: vec![zero::<S>(); rows * columns] };
     let mut field = vec![zero::<S>(); rows * kernel.densities];
     for (b, &y) in ys.iter().enumerate() {
-        kernel.write_field(&xs, y * bases.half_width, &mut field);
+        kernel.write_field(&xs, y, &mut field);
         for (density, field) in field.chunks_exact(rows.max(1)).enumerate() {
             let start = (density * ys.len() + b) * rows;
             values.data[start..start + rows].copy_from_slice(field);
         }
     }
     values
+}
+
+/// The points of the skeletons of two cells: of targets and of sources.
+pub(crate) fn skeletons<S: Scalar>(bases: &Bases<S>, offset: [i32; 3]) -> [Vec<PointOf<S>>; 2] {
+    let step = offset.map(|o| S::Real::from_f64(2.0 * f64::from(o)));
+    let step = Point::<S::Real>::from_array(step);
+    let [ys, xs] = [&bases.source, &bases.target].map(|basis| basis.skeleton.points.iter());
+    let xs = xs.map(|&x| (x + step) * bases.half_width).collect();
+    [xs, ys.map(|&y| y * bases.half_width).collect()]
 }
 
 /// S A

@@ -118,7 +118,8 @@ impl<S: Scalar> Invariant<S> {
         Shifted { moves, x, z }: &mut Shifted<S>,
     ) {
         let shift = |one: &Move| self.shift(level, one.octant, down);
-        moves.sort_by_key(|one| shift(one).index);
+        // Sorting in place, where a stable sort would allocate.
+        moves.sort_unstable_by_key(|one| (shift(one).index, one.from, one.to));
         for moves in moves.chunk_by(|a, b| shift(a).index == shift(b).index) {
             let matrix = shift(&moves[0]).matrix;
             if matrix.rows == 0 || matrix.columns == 0 {

@@ -21,8 +21,8 @@ use crate::numbers::traits::Scalar;
 ///
 /// Operators are recognised by what they were built from. Where the kernel states its
 /// [identity](crate::Kernel::identity), or has no parameters and is met again in the same process, that is compared, and
-/// values of the kernel at some thousand points. Of any other kernel, *all* values that went into the operators are
-/// evaluated again, which takes a fraction of the time of building them. So sums have the same bits with a store and
+/// values of the kernel at some thousand points. Of any other kernel, a quarter of *all* values that went into the
+/// operators is evaluated again, which takes a fraction of the time of building them. So sums have the same bits with a store and
 /// without one.
 ///
 /// Clones share what is stored. Nothing is locked while a kernel is evaluated.
@@ -118,7 +118,7 @@ impl OperatorStore {
         Ok(found)
     }
 
-    /// Operators that may be those of a kernel, with what has to be compared still: the digest of all values that they
+    /// Operators that may be those of a kernel, with what has to be compared still: the digest of values that they
     /// were built from, if anything. The kernel is asked by the caller, when nothing is locked.
     pub(crate) fn candidates<S: Scalar>(&self, key: &Key) -> Vec<(Arc<Operators<S>>, Option<u64>)> {
         let mut sets = self.locked();
@@ -134,7 +134,7 @@ impl OperatorStore {
         found.filter_map(typed).collect()
     }
 
-    /// Whether the digest of all values is needed to recognise operators with this key.
+    /// Whether the digest of values is needed to recognise operators with this key.
     pub(crate) fn needs_digest(&self, key: &Key) -> bool {
         match key.identity {
             Identity::Stated(_) => false,

@@ -9,6 +9,7 @@ use crate::interpolation::chebyshev::Chebyshev;
 use crate::interpolation::directions::{Digits, Group, Part, Place};
 use crate::interpolation::lanes::Padded;
 use crate::interpolation::level::LevelOperators;
+use crate::interpolation::numbering::Numbering;
 use crate::interpolation::operators::{Operators, Shifts};
 use crate::interpolation::transfer::Transfers;
 use crate::interpolation::tuning::MAX_ORDER;
@@ -232,9 +233,10 @@ impl Stored for Place {
 
 impl<S: Scalar> Stored for Transfers<S> {
     fn store(&self, to: &mut Sink<'_>) {
-        self.groups.store(to);
-        self.places.offsets().to_vec().store(to);
-        self.places.values().to_vec().store(to);
+        let Numbering { groups, places, .. } = &self.numbering;
+        groups.store(to);
+        places.offsets().to_vec().store(to);
+        places.values().to_vec().store(to);
         self.unit.store(to);
     }
 

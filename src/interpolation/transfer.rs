@@ -11,7 +11,7 @@ use crate::interpolation::bases::Bases;
 use crate::interpolation::directions::{Digits, Place, directions};
 use crate::interpolation::entries::{Entries, zero};
 use crate::interpolation::exchange::{Coordinates, Exchange, Pair};
-use crate::interpolation::means::{INTERACTION_OFFSETS, interaction_offsets, weight};
+use crate::interpolation::numbering::Numbering;
 use crate::interpolation::probe::power_of_two;
 use crate::interpolation::tuning::{EXCHANGE_BLOCK, SWEEP_CHUNK, TASK_BYTES};
 use crate::numbers::traits::{Real, Scalar};
@@ -21,19 +21,7 @@ use crate::parallel::pool::Pool;
 /// The M2L operators of cells of one size.
 #[derive(Debug)]
 pub(crate) struct Transfers<S: Scalar> {
-    pub(crate) groups: Vec<Digits<S>>,
-    /// Directions are numbered group by group: those of one from its entry up to the next.
-    firsts: Vec<usize>,
-    pub(crate) places: OffsetMap<Place>,
-    /// Places of offsets up to [`NEAR`], by [`near_index`].
-    near: Vec<Option<Place>>,
-    /// Where each group's coordinates stand among those of one cell, in its digits, filled up to whole
-    /// registers.
-    starts: Vec<usize>,
-    /// How many coordinates one cell has in all directions: in full digits, in single ones; likewise.
-    coordinates: [usize; 2],
-    /// How many cores the directions before one have.
-    core_starts: Vec<usize>,
+    pub(crate) numbering: Numbering<S>,
     /// What cores are in units of, where they are in single precision.
     pub(crate) unit: S::Real,
     sent: Pool<Sent<S>>,
@@ -63,9 +51,6 @@ struct Buffers<S: Scalar> {
     single: Exchange<S::Single>,
 }
 
-/// Offsets of an unmasked tree have no component larger than this.
-const NEAR: i32 = 3;
-
 impl<S: Scalar> Transfers<S> {
     /// Operators for the given offsets.
     pub(crate) fn new(kernel: &Entries<'_, S>, bases: &Bases<S>, offsets: &[[i32; 3]]) -> Self {
@@ -75,39 +60,19 @@ impl<S: Scalar> Transfers<S> {
 
     /// Operators that were made already; single precision is in units of `unit`.
     pub(crate) fn of(groups: Vec<Digits<S>>, places: OffsetMap<Place>, unit: S::Real) -> Self {
-        let (mut coordinates, mut starts) = ([0; 2], Vec::new());
-        let (mut firsts, mut core_starts) = (vec![0], vec![0]);
-        for digits in &groups {
-            let (kind, members, height, cores) = match digits {
-                Digits::Full(own) => (0, own.members(), own.heights[0], own.cores.len()),
-                Digits::Single(own) => (1, own.members(), own.heights[0], own.cores.len()),
-            };
-            starts.push(coordinates[kind]);
-            coordinates[kind] += members * height;
-            let first_core = core_starts[core_starts.len() - 1];
-            core_starts.extend((1..=members).map(|member| first_core + member * cores));
-            firsts.push(firsts[firsts.len() - 1] + members);
-        }
-        let range = -NEAR..=NEAR;
-        let mut near = Vec::new();
-        for x in range.clone() {
-            for y in range.clone() {
-                near.extend(range.clone().map(|z| places.get([x, y, z]).copied()));
-            }
-        }
         let (sent, buffers) = (Pool::default(), Pool::default());
-        Self { groups, firsts, places, near, starts, coordinates, core_starts, unit, sent, buffers }
+        Self { numbering: Numbering::new(groups, places), unit, sent, buffers }
     }
 
     /// The offsets that have an operator.
     pub(crate) fn offsets(&self) -> &[[i32; 3]] {
-        self.places.offsets()
+        self.numbering.places.offsets()
     }
 
     /// l += s C m for one pair of cells; whether the offset is known.
     pub(crate) fn add(&self, offset: [i32; 3], scale: S::Real, m: &[S], l: &mut [S]) -> bool {
-        let Some(place) = self.find(offset) else { return false };
-        match &self.groups[usize::from(place.group)] {
+        let Some(place) = self.numbering.find(offset) else { return false };
+        match &self.numbering.groups[usize::from(place.group)] {
             Digits::Full(group) => {
                 group.add_one(place, m, l, |m| m, |l| l * S::from_real(scale));
             }
@@ -165,15 +130,21 @@ impl<S: Scalar> Transfers<S> {
         sent: &mut Sent<S>,
     ) {
         let Sent { wanted, full, single, unit } = sent;
-        *unit = if self.coordinates[1] > 0 { unit_of(multipoles) } else { S::Real::from_f64(1.0) };
+        *unit = if self.numbering.coordinates[1] > 0 {
+            unit_of(multipoles)
+        } else {
+            S::Real::from_f64(1.0)
+        };
         let shrink = S::from_real(unit.recip());
         wanted.clear();
         wanted.resize_with(pairs.sources.len(), AtomicU32::default);
         parallel::for_each(pairs.targets.len(), &|t| {
             let target = &pairs.targets[t];
             for s in pairs.sources_of(t) {
-                let Some(place) = self.find(pairs.sources[s].offset_to(target)) else { continue };
-                let bit = 1 << self.direction(place);
+                let Some(place) = self.numbering.find(pairs.sources[s].offset_to(target)) else {
+                    continue;
+                };
+                let bit = 1 << self.numbering.direction(place);
                 if wanted[s].load(Relaxed) & bit == 0 {
                     wanted[s].fetch_or(bit, Relaxed);
                 }
@@ -181,7 +152,7 @@ impl<S: Scalar> Transfers<S> {
         });
         let blocks = pairs.sources.len().div_ceil(EXCHANGE_BLOCK);
         let [full_len, single_len] =
-            self.coordinates.map(|count| (EXCHANGE_BLOCK * count * columns).max(1));
+            self.numbering.coordinates.map(|count| (EXCHANGE_BLOCK * count * columns).max(1));
         full.resize(blocks * full_len, zero::<S>());
         single.resize(blocks * single_len, zero::<S::Single>());
         let outputs = full.par_chunks_mut(full_len).zip(single.par_chunks_mut(single_len));
@@ -193,15 +164,17 @@ impl<S: Scalar> Transfers<S> {
             }
             self.buffers.with(Buffers::default, |buffers| {
                 let Buffers { full: in_full, single: in_single, .. } = buffers;
-                if self.coordinates[0] > 0 {
+                if self.numbering.coordinates[0] > 0 {
                     in_full.enter(multipoles.iter().copied());
                 }
-                if self.coordinates[1] > 0 {
+                if self.numbering.coordinates[1] > 0 {
                     in_single.enter(multipoles.iter().map(|&m| (m * shrink).to_single()));
                 }
-                for (g, digits) in self.groups.iter().enumerate() {
-                    let (first, start) =
-                        (self.firsts[g], EXCHANGE_BLOCK * self.starts[g] * columns);
+                for (g, digits) in self.numbering.groups.iter().enumerate() {
+                    let (first, start) = (
+                        self.numbering.firsts[g],
+                        EXCHANGE_BLOCK * self.numbering.starts[g] * columns,
+                    );
                     match digits {
                         Digits::Full(group) => {
                             in_full.send(first, group, wanted, columns, &mut full[start..]);
@@ -226,16 +199,17 @@ impl<S: Scalar> Transfers<S> {
         Buffers { sorted, full, single, .. }: &mut Buffers<S>,
     ) {
         let mut rest = &sorted[..];
-        let block_lens = self.coordinates.map(|count| EXCHANGE_BLOCK * count * columns);
+        let block_lens = self.numbering.coordinates.map(|count| EXCHANGE_BLOCK * count * columns);
         let counts = [to.len() / to_len, columns, to_len / columns];
         full.start();
         single.start();
-        for (g, digits) in self.groups.iter().enumerate() {
-            let core_starts = &self.core_starts[self.firsts[g]..=self.firsts[g + 1]];
+        for (g, digits) in self.numbering.groups.iter().enumerate() {
+            let core_starts = &self.numbering.core_starts
+                [self.numbering.firsts[g]..=self.numbering.firsts[g + 1]];
             let end = core_starts[core_starts.len() - 1];
             let (pairs, others) = rest.split_at(rest.partition_point(|p| (p.core as usize) < end));
             rest = others;
-            let start = EXCHANGE_BLOCK * self.starts[g] * columns;
+            let start = EXCHANGE_BLOCK * self.numbering.starts[g] * columns;
             match digits {
                 Digits::Full(group) => {
                     let y = Coordinates { all: &sent.full, start, block_len: block_lens[0] };
@@ -269,13 +243,15 @@ impl<S: Scalar> Transfers<S> {
     ) {
         found.clear();
         starts.clear();
-        starts.resize(self.core_starts[self.core_starts.len() - 1] + 1, 0);
+        starts.resize(self.numbering.core_starts[self.numbering.core_starts.len() - 1] + 1, 0);
         for t in 0..count {
             let target = &pairs.targets[first + t];
             for s in pairs.sources_of(first + t) {
-                match self.find(pairs.sources[s].offset_to(target)) {
+                match self.numbering.find(pairs.sources[s].offset_to(target)) {
                     Some(place) => {
-                        let core = self.core_starts[self.direction(place)] as u32 + place.core;
+                        let core = self.numbering.core_starts[self.numbering.direction(place)]
+                            as u32
+                            + place.core;
                         found.push(Pair { source: s as u32, target: t as u16, core });
                         starts[core as usize + 1] += 1;
                     }
@@ -293,47 +269,6 @@ impl<S: Scalar> Transfers<S> {
             *next += 1;
         }
     }
-
-    fn find(&self, offset: [i32; 3]) -> Option<Place> {
-        match near_index(offset) {
-            Some(near) => self.near[near],
-            None => self.places.get(offset).copied(),
-        }
-    }
-
-    /// The number of a place's direction.
-    #[inline]
-    fn direction(&self, place: Place) -> usize {
-        self.firsts[usize::from(place.group)] + usize::from(place.member)
-    }
-
-    /// The coordinates y and z of a place's direction.
-    fn ranks(&self, place: Place) -> [usize; 2] {
-        match &self.groups[usize::from(place.group)] {
-            Digits::Full(group) => group.ranks,
-            Digits::Single(group) => group.ranks,
-        }
-    }
-
-    /// Multiply-adds for one target cell in a uniform tree, its share of what sources send included.
-    pub(crate) fn multiply_adds(&self) -> f64 {
-        let sides = self.groups.iter().map(|digits| match digits {
-            Digits::Full(group) => group.side_multiply_adds(),
-            Digits::Single(group) => group.side_multiply_adds(),
-        });
-        let cores = interaction_offsets().map(|offset| {
-            let [y, z] = self.find(offset).map_or([0; 2], |place| self.ranks(place));
-            weight(offset) * (y * z) as f64
-        });
-        sides.sum::<usize>() as f64 + 189.0 / INTERACTION_OFFSETS as f64 * cores.sum::<f64>()
-    }
-
-    /// Mean number of coordinates of a direction, each offset counted.
-    pub(crate) fn mean_rank(&self) -> f64 {
-        let places = self.places.values();
-        let ranks: usize = places.iter().map(|&place| self.ranks(place)[0]).sum();
-        ranks as f64 / places.len().max(1) as f64
-    }
 }
 
 /// A power of two of about the size of the largest of these numbers.
@@ -349,13 +284,6 @@ fn unit_of<S: Scalar>(numbers: &[S]) -> S::Real {
     power_of_two(chunks.into_iter().fold(zero, Float::max))
 }
 
-/// Where an offset stands in [`Transfers::near`], if it is near.
-#[inline]
-fn near_index(offset: [i32; 3]) -> Option<usize> {
-    let near = offset.iter().all(|o| (-NEAR..=NEAR).contains(o));
-    near.then(|| offset.iter().fold(0, |index, o| index * (2 * NEAR + 1) + (o + NEAR)) as usize)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -364,6 +292,7 @@ mod tests {
     use crate::interpolation::chebyshev::Chebyshev;
     use crate::interpolation::entries::pairwise;
     use crate::interpolation::far_field::FarField;
+    use crate::interpolation::means::interaction_offsets;
     use crate::interpolation::scale::Scale;
     use crate::octree::geometry::{Cell, Cube};
     use crate::parallel::watch::Watch;

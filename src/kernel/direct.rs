@@ -39,19 +39,32 @@ pub fn direct_watched<K: Kernel>(
     check_charges(kernel, sources.len(), charges)?;
     check_range(kernel, sources, targets)?;
     let mut values = vec![K::Value::zero(); targets.len()];
+    add_all(kernel, (sources, charges), targets, 0.0, &mut values, watch);
+    watch.check()?;
+    Ok(values)
+}
+
+/// Adds the fields of all sources to the values at all targets, in blocks that fill registers and stay in caches. Each
+/// pair may be off by a relative error of `tolerance`. Once `watch` is stopped, the values are not to be used.
+pub(crate) fn add_all<K: Kernel>(
+    kernel: &K,
+    (sources, charges): (&[K::Source], &[K::Charge]),
+    targets: &[K::Target],
+    tolerance: f64,
+    values: &mut [K::Value],
+    watch: &Watch,
+) {
     watch.begin(Phase::Values, targets.len());
-    parallel::for_each_piece(&mut values, DIRECT_BLOCK, &|block, us| {
+    parallel::for_each_piece(values, DIRECT_BLOCK, &|block, us| {
         let xs = &targets[DIRECT_BLOCK * block..][..us.len()];
         for (ys, qs) in sources.chunks(DIRECT_RUN).zip(charges.chunks(DIRECT_RUN)) {
             if watch.is_stopped() {
                 return;
             }
-            kernel.add_block(xs, ys, qs, 0.0, us);
+            kernel.add_block(xs, ys, qs, tolerance, us);
         }
         watch.advance(us.len());
     });
-    watch.check()?;
-    Ok(values)
 }
 
 /// Refuses any other number of charges than one per source, and lists of numbers that would be left over.

@@ -122,7 +122,7 @@ pub trait Kernel: Send + Sync {
 
     /// What tells this kernel from all others with entries of its type, its parameters included, in any program: such as
     /// `"yukawa 2.5"`. Operators that an [`OperatorStore`](crate::OperatorStore) holds are recognised by it, rather than
-    /// by all values that they were built from. By default there is none. A kernel that states an identity and changes
+    /// by values that they were built from. By default there is none. A kernel that states an identity and changes
     /// its formula changes that too.
     fn identity(&self) -> Option<String> {
         None

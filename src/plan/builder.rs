@@ -245,7 +245,9 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
             let most_seconds = self.choices.worth(estimate.as_ref(), direct_seconds);
             let mut geometry = Geometry {
                 most_seconds,
-                most_apply_seconds: self.choices.most_apply_seconds(direct_seconds),
+                most_apply_seconds: self
+                    .choices
+                    .most_far_seconds(estimate.as_ref(), direct_seconds),
                 pair_seconds,
                 sources: some(&trees.sources),
                 targets: some(&trees.targets),

@@ -64,8 +64,7 @@ impl Choices<'_> {
         if self.masked {
             return f64::INFINITY;
         }
-        let chosen = self.scheme.is_none() && self.leaf_size.is_none();
-        let Some(estimate) = estimate.filter(|_| chosen) else {
+        let Some(estimate) = self.chosen(estimate) else {
             return ASKED_SECONDS + ASKED_SUMS * direct_seconds;
         };
         // What direct sums would take, but for what the applications do.
@@ -74,9 +73,23 @@ impl Choices<'_> {
         self.applications as f64 * saved + SET_UP_SECONDS
     }
 
-    /// Seconds of one core that an application may take if direct sums take `direct_seconds`.
-    pub(crate) fn most_apply_seconds(&self, direct_seconds: f64) -> f64 {
-        if self.masked { f64::INFINITY } else { BARGAIN * direct_seconds + SET_UP_SECONDS }
+    /// Seconds of one core that the far field of an application may take if direct sums take `direct_seconds`. Unless
+    /// an expansion is asked for, that and the near field have to take half the time of direct sums: where it is not
+    /// known beforehand what an expansion takes, it may take twice as long.
+    pub(crate) fn most_far_seconds(&self, estimate: Option<&Estimate>, direct_seconds: f64) -> f64 {
+        if self.masked {
+            return f64::INFINITY;
+        }
+        let Some(estimate) = self.chosen(estimate) else {
+            return BARGAIN * direct_seconds + SET_UP_SECONDS;
+        };
+        let near_seconds = estimate.near_seconds * rayon::current_num_threads() as f64;
+        (0.5 * direct_seconds - near_seconds).max(0.0)
+    }
+
+    /// The estimate of a scheme that was not asked for.
+    fn chosen<'e>(&self, estimate: Option<&'e Estimate>) -> Option<&'e Estimate> {
+        estimate.filter(|_| self.scheme.is_none() && self.leaf_size.is_none())
     }
 
     /// Whether direct sums in the precision `T` can do what an expansion refuses. Asking a mask for every pair

@@ -23,6 +23,8 @@ pub(crate) struct Layout {
     pub(crate) local_terms: Vec<usize>,
     /// The place in tree order of each of the caller's targets.
     pub(crate) target_ranks: Vec<u32>,
+    /// Whether all pairs are summed directly, so that leaves don't matter.
+    pub(crate) is_direct: bool,
     /// Consecutive target leaves, as ranges in [`Shape::leaves`], of about the same work.
     pub(crate) tasks: Vec<Range<usize>>,
 }
@@ -50,9 +52,39 @@ impl Layout {
             multipole_terms: terms(parts.sources, &multipole, parts.multipole_lens),
             local_terms: terms(parts.targets, &local, parts.local_lens),
             target_ranks: parts.targets.ranks(),
+            is_direct: parts.lists.is_direct(parts.targets, parts.sources.order.len()),
             tasks: tasks(&leaf_work(parts, &local)),
             multipole,
             local,
+        }
+    }
+}
+
+/// Calls `visit` for each leaf of `tasks`, by its number, with its part of `values`, in parallel.
+pub(crate) fn for_each_leaf<V: Send>(
+    shape: &Shape,
+    tasks: &[Range<usize>],
+    mut values: &mut [V],
+    visit: &(dyn Fn(usize, &mut [V]) + Sync),
+) {
+    let points = |leaf: usize| shape.nodes[shape.leaves[leaf] as usize].points();
+    match tasks {
+        [] => (),
+        [task] => {
+            for leaf in task.clone() {
+                let (us, rest) = values.split_at_mut(points(leaf).len());
+                visit(leaf, us);
+                values = rest;
+            }
+        }
+        _ => {
+            let (left, right) = tasks.split_at(tasks.len() / 2);
+            let middle = points(right[0].start).start - points(left[0].start).start;
+            let (before, after) = values.split_at_mut(middle);
+            rayon::join(
+                || for_each_leaf(shape, left, before, visit),
+                || for_each_leaf(shape, right, after, visit),
+            );
         }
     }
 }

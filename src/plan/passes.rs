@@ -3,16 +3,16 @@
 //! Each cell's terms and each target's sum are written by one task, in one fixed order: the result
 //! does not depend on the number of threads.
 
-use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 use crate::expansion::level_cells::{LevelFamilies, LevelPairs};
 use crate::expansion::{ChargeOf, Expansion, TargetOf, ValueOf};
+use crate::kernel::direct::add_all;
 use crate::kernel::traits::{Kernel, Outcome};
 use crate::numbers::traits::Numbers;
-use crate::octree::shape::Shape;
 use crate::parallel;
 use crate::parallel::watch::{Phase, Watch};
+use crate::plan::layout::for_each_leaf;
 use crate::plan::near::{Gathered, Near};
 use crate::plan::times::{ApplyTimes, Clock};
 use crate::plan::tuning::PIECE;
@@ -24,15 +24,17 @@ struct Sweep {
     local: bool,
     multipole: bool,
     near: bool,
+    /// One of so many leaves is visited.
+    every: usize,
 }
 
 impl Sweep {
-    const NONE: Self = Self { local: false, multipole: false, near: false };
+    const NONE: Self = Self { local: false, multipole: false, near: false, every: 1 };
     const LOCAL: Self = Self { local: true, ..Self::NONE };
     const MULTIPOLE: Self = Self { multipole: true, ..Self::NONE };
     const NEAR: Self = Self { near: true, ..Self::NONE };
     const FAR: Self = Self { local: true, multipole: true, ..Self::NONE };
-    const ALL: Self = Self { local: true, multipole: true, near: true };
+    const ALL: Self = Self { near: true, ..Self::FAR };
 }
 
 impl<E: Expansion> Plan<E> {
@@ -95,6 +97,19 @@ impl<E: Expansion> Plan<E> {
         let far = workspace.values.clone();
         self.evaluate(workspace, Sweep::NEAR, watch);
         far
+    }
+
+    /// The same sums, to the bit, at the targets of one of `every` so many leaves, the first one among them; left in the
+    /// workspace in tree order.
+    pub(crate) fn run_at_some(
+        &self,
+        charges: &[ChargeOf<E>],
+        workspace: &mut Workspace<E>,
+        every: usize,
+        watch: &Watch,
+    ) {
+        self.carry(charges, workspace, &mut Clock::start(), &mut ApplyTimes::default(), watch);
+        self.evaluate(workspace, Sweep { every, ..Sweep::ALL }, watch);
     }
 
     /// The sums in the caller's order.
@@ -254,9 +269,21 @@ impl<E: Expansion> Plan<E> {
             bits: &self.lists.bits,
             watch,
         };
+        if self.layout.is_direct && sweep.near {
+            if sweep.local {
+                parallel::for_each_piece(values, PIECE, &|_, us| us.fill(Numbers::zero()));
+            }
+            let Near { kernel, tolerance, .. } = near;
+            let sources = (&self.sources[..], &charges[..]);
+            return add_all(kernel, sources, &self.targets, tolerance, values, watch);
+        }
         watch.begin(Phase::Values, self.target_tree.shape.leaves.len());
-        let at_leaf = |t: usize, us: &mut [ValueOf<E>]| {
+        let at_leaf = |leaf: usize, us: &mut [ValueOf<E>]| {
             let tree = &self.target_tree;
+            if !leaf.is_multiple_of(sweep.every) {
+                return;
+            }
+            let t = tree.shape.leaves[leaf] as usize;
             let xs = &self.targets[tree.shape.nodes[t].points()];
             if watch.advance(1) {
                 return;
@@ -311,35 +338,6 @@ impl<E: Expansion> Plan<E> {
                     far.direct(s, xs, us);
                 }
             }
-        }
-    }
-}
-
-/// Calls `visit` for each leaf of `tasks` with its part of `values`, in parallel.
-fn for_each_leaf<V: Send>(
-    shape: &Shape,
-    tasks: &[Range<usize>],
-    mut values: &mut [V],
-    visit: &(dyn Fn(usize, &mut [V]) + Sync),
-) {
-    let points = |leaf: usize| shape.nodes[shape.leaves[leaf] as usize].points();
-    match tasks {
-        [] => (),
-        [task] => {
-            for leaf in task.clone() {
-                let (us, rest) = values.split_at_mut(points(leaf).len());
-                visit(shape.leaves[leaf] as usize, us);
-                values = rest;
-            }
-        }
-        _ => {
-            let (left, right) = tasks.split_at(tasks.len() / 2);
-            let middle = points(right[0].start).start - points(left[0].start).start;
-            let (before, after) = values.split_at_mut(middle);
-            rayon::join(
-                || for_each_leaf(shape, left, before, visit),
-                || for_each_leaf(shape, right, after, visit),
-            );
         }
     }
 }

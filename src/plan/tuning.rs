@@ -58,6 +58,9 @@ pub(crate) const RESTRICTIONS: usize = 4;
 /// Targets at which a plan is tried, about.
 pub(crate) const TRIAL_TARGETS: usize = 64;
 
+/// How many times the pairs that it is held against a trial may sum.
+pub(crate) const TRIAL_WORK: f64 = 8.0;
+
 /// Sums may then be off by this many times what a near pair may: the tolerance of interpolation.
 pub(crate) const TRIAL_PAIRS: f64 = 10.0;
 

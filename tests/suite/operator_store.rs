@@ -4,7 +4,10 @@ use std::fs;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
-use farfield::{Fmm, FnKernel, Interpolation, Kernel, OperatorStore, Outcome, Point, StoreError};
+use farfield::{
+    Fmm, FnKernel, Interpolation, Kernel, OperatorStore, Outcome, Point, StoreError, direct,
+    from_fn, relative_l2_error,
+};
 use farfield_testing::clouds::cube;
 use glam::DVec3;
 
@@ -160,6 +163,35 @@ fn damaged_and_foreign_files_are_refused() {
     fs::write(folder.join("notes.txt"), "anything").expect("writable");
     assert_eq!(OperatorStore::new(1 << 30).load(&folder).expect("whole"), 1);
     fs::remove_dir_all(&folder).expect("removable");
+}
+
+#[test]
+fn kernels_behind_pointers_are_told_apart() {
+    type Chosen = Box<
+        dyn Kernel<
+                Real = f64,
+                Source = DVec3,
+                Target = DVec3,
+                Charge = f64,
+                Value = f64,
+                Entry = f64,
+            >,
+    >;
+    // One type of plan for both, and neither has parameters.
+    let smooth = || -> Chosen { Box::new(from_fn(softened)) };
+    let rough = || -> Chosen { Box::new(from_fn(bumpy)) };
+    let points = cube(4000, 1);
+    let charges: Vec<f64> = (0..points.len()).map(|i| (i as f64).sin()).collect();
+    let sums = |kernel: Chosen, store: &OperatorStore| {
+        let builder = Fmm::builder(kernel).tolerance(1e-4).leaf_size(40).operator_store(store);
+        let fmm = builder.build(&points, &points).expect("a smooth kernel");
+        assert!(fmm.report().stats.expansion_pairs > 0);
+        fmm.apply(&charges).expect("finite")
+    };
+    let (own, shared) = (OperatorStore::new(1 << 30), OperatorStore::new(1 << 30));
+    let exact = direct(&smooth(), &points, &charges, &points).expect("finite");
+    assert!(relative_l2_error(&sums(smooth(), &shared), &exact) < 1e-4);
+    assert_eq!(sums(rough(), &shared), sums(rough(), &own));
 }
 
 #[test]
