@@ -14,6 +14,7 @@ formula of r, r2 (r squared), d1 d2 d3 (x - y), x1 x2 x3 (the target), y1 y2 y3 
 from __future__ import annotations
 
 import operator
+import os
 from typing import Any, NamedTuple, Union
 
 import numpy as np
@@ -31,7 +32,9 @@ __all__ = [
     "SumError",
     "ToleranceError",
     "kernels",
+    "load_operators",
     "plan",
+    "save_operators",
     "sum",
 ]
 
@@ -62,6 +65,26 @@ class KernelInfo(NamedTuple):
 def kernels() -> list:
     """All kernels that have names, as a list of `KernelInfo`."""
     return [KernelInfo(name, about, text, dict(given)) for name, about, text, given in _native.kernels()]
+
+
+def save_operators(folder: Union[str, "os.PathLike[str]"]) -> int:
+    """Writes what plans of this process prepared for their kernels to a folder, which is made if need be.
+
+    Another process that calls `load_operators` plans the same kernels at the same tolerances in a fraction of the time, with
+    the same results. Returns how many sets of operators were written or were there already. The process keeps half a
+    gigabyte of them; files are of one version of farfield and one kind of processor, and several may share a folder.
+
+    Raises OSError for a folder that can't be written.
+    """
+    return _native.save_operators(os.fspath(folder))
+
+
+def load_operators(folder: Union[str, "os.PathLike[str]"]) -> int:
+    """Reads what `save_operators` wrote to a folder, for later plans. Returns how many sets of operators there were.
+
+    Raises OSError for a folder that can't be read, and `InputError` for a file in it that was changed.
+    """
+    return _native.load_operators(os.fspath(folder))
 
 
 def sum(

@@ -3,11 +3,13 @@
 
 mod interrupt;
 
+use std::path::PathBuf;
 use std::sync::OnceLock;
 
-use farfield::{Error, Point, Real, Vector, Watch};
+use farfield::{Error, OperatorStore, Point, Real, StoreError, Vector, Watch};
 use farfield_formula::{Coincident, Derivatives, Options, Precision, READY, Ready, TextFormula};
 use numpy::{Element, PyArray1, PyReadonlyArray1};
+use pyo3::exceptions::PyOSError;
 use pyo3::import_exception;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -274,11 +276,32 @@ macro_rules! plan {
 plan!(PlanF64, f64);
 plan!(PlanF32, f32);
 
+/// Reads sets of operators from a folder for later plans; returns how many it found.
+#[pyfunction]
+fn load_operators(py: Python<'_>, folder: PathBuf) -> PyResult<usize> {
+    py.detach(|| OperatorStore::of_process().load(&folder)).map_err(store_exception)
+}
+
+/// Writes the sets of operators of all plans so far to a folder; returns how many of them it now has.
+#[pyfunction]
+fn save_operators(py: Python<'_>, folder: PathBuf) -> PyResult<usize> {
+    py.detach(|| OperatorStore::of_process().save(&folder)).map_err(store_exception)
+}
+
+fn store_exception(error: StoreError) -> PyErr {
+    match error {
+        StoreError::Io { .. } => PyOSError::new_err(error.to_string()),
+        _ => InputError::new_err(error.to_string()),
+    }
+}
+
 /// The module `farfield._native`.
 #[pymodule]
 fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<Kernel>()?;
     module.add_class::<PlanF64>()?;
     module.add_class::<PlanF32>()?;
+    module.add_function(wrap_pyfunction!(load_operators, module)?)?;
+    module.add_function(wrap_pyfunction!(save_operators, module)?)?;
     module.add_function(wrap_pyfunction!(kernels, module)?)
 }

@@ -1,5 +1,7 @@
 """Sums against NumPy."""
 
+import subprocess
+import sys
 import threading
 import time
 
@@ -215,3 +217,21 @@ def test_other_threads_go_on():
     thread.join()
     # Were they held up, there would be none between start and end.
     assert any(start < t < end for t in ticks)
+
+
+def test_operators_are_brought_to_another_process(tmp_path):
+    folder = tmp_path / "operators"
+    text = "plan = ff.plan('exp(-k*r)/(r+0.1)', X, k=3.0, tolerance=1e-3, applications=1000)"
+    points = "import sys, farfield as ff, numpy as np; X = np.random.default_rng(5).random((4000, 3)); Q = np.ones(4000)"
+    first = f"{points}; {text}; u = plan(Q); assert ff.save_operators(sys.argv[1]) == 1; print(u.tobytes().hex())"
+    second = f"{points}; assert ff.load_operators(sys.argv[1]) == 1; {text}; print(plan(Q).tobytes().hex())"
+    run = lambda code: subprocess.run([sys.executable, "-c", code, str(folder)], check=True, capture_output=True).stdout
+    assert run(first) == run(second)
+    file = next(folder.iterdir())
+    data = bytearray(file.read_bytes())
+    data[len(data) // 2] ^= 1
+    file.write_bytes(data)
+    with pytest.raises(ff.InputError, match="is damaged"):
+        ff.load_operators(folder)
+    with pytest.raises(OSError, match="nowhere"):
+        ff.load_operators(tmp_path / "nowhere")

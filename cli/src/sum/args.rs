@@ -102,6 +102,11 @@ pub(crate) struct Args {
     #[arg(long, value_name = "FILE")]
     pub(crate) report: Option<PathBuf>,
 
+    /// Folder of operators for kernels met before: they are read from it, and new ones are added to it, so that the next
+    /// run with the same kernel and tolerance has little to prepare. It is made if need be
+    #[arg(long, value_name = "FOLDER")]
+    pub(crate) operators: Option<PathBuf>,
+
     /// What ends the run on Ctrl-C.
     #[arg(skip)]
     pub(crate) interrupt: Arc<Interrupt>,

@@ -19,6 +19,9 @@ pub(crate) enum Failure {
     /// The engine refuses the input.
     #[error(transparent)]
     Engine(#[from] farfield::Error),
+    /// The folder of operators can't be used.
+    #[error("--operators: {0}")]
+    Operators(#[from] farfield::StoreError),
     /// The kernel is neither known by name nor a formula.
     #[error(
         "--kernel {name}: {source}; power laws with an expansion of their own are inverse-distance, inverse-square, inverse-fourth, squared-distance"

@@ -5,8 +5,8 @@ use std::path::Path;
 use std::time::Instant;
 
 use farfield::{
-    Builder, Expansion, Fmm, Interpolation, Kernel, Point, Real, Unmasked, Vector, direct,
-    relative_l2_error,
+    Builder, Expansion, Fmm, Interpolation, Kernel, OperatorStore, Point, Real, Unmasked, Vector,
+    direct, relative_l2_error,
 };
 use farfield_potentials::{
     Exponent, HarmonicExpansion, MinusFour, MinusOne, MinusTwo, Output, PlusTwo, Potential,
@@ -42,10 +42,20 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(count);
         pool.build_global().map_err(|source| Failure::Threads { count, source })?;
     }
+    let store = OperatorStore::of_process();
+    if let Some(folder) = &args.operators {
+        // Makes the folder, or says at once that it can't be made.
+        store.save(folder)?;
+        store.load(folder)?;
+    }
     match args.precision {
         Precision::F32 => with_precision::<f32>(args),
         Precision::F64 => with_precision::<f64>(args),
+    }?;
+    if let Some(folder) = &args.operators {
+        store.save(folder)?;
     }
+    Ok(())
 }
 
 /// What is read from the files, in the precision asked for.

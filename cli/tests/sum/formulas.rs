@@ -115,3 +115,31 @@ fn second_derivatives_follow_the_gradients() {
     let refused = format!("{OWN} --kernel inverse-distance --hessian");
     assert!(fail(&folder.sum(&refused)).contains("--hessian with --kernel inverse-distance"));
 }
+
+#[test]
+fn operators_of_one_run_serve_the_next() {
+    let folder = Folder::new(4000);
+    let flags = "--kernel exp(-k*r)/r --param k=2 --tolerance 1e-3 --repeat 1000 --operators found";
+    let few = "--kernel yukawa --tolerance 1e-3 --operators found/none --targets targets.csv";
+    folder.write("targets.csv", "0,0,0\n");
+    succeed(&folder.sum(&format!("{OWN} {few}")));
+    let files = |name: &str| {
+        let entries =
+            std::fs::read_dir(folder.path(name)).unwrap().map(|entry| entry.unwrap().path());
+        entries.filter(|path| path.is_file()).collect::<Vec<_>>()
+    };
+    assert!(files("found/none").is_empty(), "one target needs no operators");
+    let first = folder.rows("first.npy", flags);
+    let saved = files("found");
+    assert_eq!(saved.len(), 1, "{saved:?}");
+    assert_eq!(folder.rows("second.npy", flags), first);
+    assert_eq!(files("found"), saved, "nothing new was found");
+    let mut bytes = std::fs::read(&saved[0]).unwrap();
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    std::fs::write(&saved[0], bytes).unwrap();
+    let message = fail(&folder.sum(&format!("{OWN} {flags}")));
+    assert!(message.contains("--operators: ") && message.contains("is damaged"), "{message}");
+    let message = fail(&folder.sum(&format!("{OWN} --kernel 1/r --operators points.npy")));
+    assert!(message.contains("--operators: points.npy"), "{message}");
+}
