@@ -34,6 +34,8 @@
 //! | an analytic expansion | [`Expansion`]: P2M, M2M, M2L, L2L, L2P; held to its laws by [`conformance::check`] |
 //! | pairs that must not count (occlusion, exclusions) | [`Mask`]: what holds between two cells, and for one pair |
 //!
+//! The [`guide`] explains the method and each of these, step by step.
+//!
 //! Features: `ndarray` takes rows of arrays as points (`rows_as_points`), `serde` serialises reports.
 //!
 //! # What to expect
@@ -56,6 +58,7 @@ mod interpolation;
 mod plan;
 mod certificate;
 pub mod conformance;
+pub mod guide;
 
 pub use certificate::Certificate;
 pub use certificate::sampling::Sampling;

@@ -3,7 +3,7 @@
 use crate::imports::Import;
 
 /// The engine's folders, each of which imports only from those above it; `dispatch_level` and `error` are single files.
-pub(crate) const STAGES: [&str; 13] = [
+pub(crate) const STAGES: [&str; 14] = [
     "dispatch_level",
     "error",
     "parallel",
@@ -17,6 +17,7 @@ pub(crate) const STAGES: [&str; 13] = [
     "plan",
     "certificate",
     "conformance",
+    "guide",
 ];
 
 /// The folder of a file, or the file itself: `octree` for `octree/tree.rs`, `error` for `error.rs`.
