@@ -16,9 +16,13 @@ mod threads;
 mod transport;
 mod whole;
 mod words;
+#[cfg(feature = "mpi")]
+mod world;
 
 pub use builder::Builder;
 pub use error::Error;
 pub use fmm::{DistributedFmm, PartStats};
 pub use threads::{ThreadTransport, on_threads};
 pub use transport::{Transport, TransportError, Volume};
+#[cfg(feature = "mpi")]
+pub use world::MpiTransport;
