@@ -229,6 +229,17 @@ pub enum Error {
     /// A [`Watch`](crate::Watch) said that the work shall end.
     #[error("stopped")]
     Stopped,
+    /// Cells that are given for a [part](crate::PartLists) of a plan do not make a tree.
+    #[error(
+        "{set} cell {index}: expected cells level by level along the Morton curve, each with points that the one above \
+         it has as well"
+    )]
+    InvalidCell {
+        /// The points that the cells hold.
+        set: PointSet,
+        /// The first cell that is not as expected.
+        index: usize,
+    },
     /// A leaf size of zero.
     #[error("leaf size 0: expected at least 1 point per leaf")]
     InvalidLeafSize,

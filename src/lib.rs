@@ -95,6 +95,7 @@ pub use plan::Scheme;
 pub use plan::builder::Builder;
 pub use plan::estimate::Estimate;
 pub use plan::fmm::Fmm;
+pub use plan::part::{Part, PartCell, PartLists, PartMoments};
 pub use plan::report::{LevelReport, Report};
 pub use plan::stats::Stats;
 pub use plan::times::{ApplyTimes, BuildTimes};

@@ -20,7 +20,7 @@ const SIDE: i32 = 2 * REACH + 1;
 
 impl Admissibility {
     /// The same but for some levels, of which `admits` says what is done at every offset.
-    pub(crate) fn with(
+    pub fn with(
         &self,
         levels: impl IntoIterator<Item = usize>,
         admits: impl Fn(usize, [i32; 3]) -> Coverage,

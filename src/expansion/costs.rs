@@ -41,11 +41,11 @@ impl Costs {
         }
     }
 
-    /// How many points a leaf may hold if a pair summed directly takes `pair_seconds`.
+    /// How many points a leaf may hold if a pair summed directly takes `pair_seconds` of one core.
     ///
     /// A cell of s points is worth splitting into eight when 27 s² pairs take longer than 27 s²/8 pairs
     /// and the translations for eight leaves.
-    pub(crate) fn leaf_size(&self, pair_seconds: f64) -> usize {
+    pub fn leaf_size(&self, pair_seconds: f64) -> usize {
         let Some(leaf_seconds) = self.leaf_seconds else { return DEFAULT_LEAF_SIZE };
         let largest = (8.0 * leaf_seconds / (27.0 * pair_seconds)).sqrt();
         (largest as usize).clamp(SMALLEST_LEAF_SIZE, LARGEST_LEAF_SIZE)

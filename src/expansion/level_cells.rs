@@ -120,6 +120,8 @@ pub struct LevelPairs<'a, T: Real> {
     pub(crate) list: &'a [u32],
     /// The tree's index of `sources[0]`.
     pub(crate) first_source: usize,
+    /// A number that no multipole term of the level is larger than, those of cells that are elsewhere; 0 if all are here.
+    pub(crate) largest_elsewhere: f64,
     pub(crate) watch: &'a Watch,
 }
 

@@ -26,6 +26,9 @@ pub(crate) struct Lists {
     /// The distinct offsets from source to target cell in `m2l`, ascending, for each level of the
     /// target tree.
     pub(crate) offsets: Vec<Vec<[i32; 3]>>,
+    /// Source cells that would have to be opened, but whose children are elsewhere, ascending. The lists are complete
+    /// once there are none.
+    pub(crate) wanted: Vec<u32>,
 }
 
 /// A contiguous run of sources, in tree order.
@@ -110,10 +113,14 @@ impl Lists {
     /// level between them. With a mask, everything stays as it is: runs do not tell how many of their pairs count.
     /// O(cells and their pairs).
     pub(crate) fn sum_few_directly(&mut self, targets: &Shape, sources: &Shape) {
-        if !(self.weighed.is_empty() && self.bits.is_empty()) {
-            return;
+        if self.weighed.is_empty() && self.bits.is_empty() {
+            let (near, by_level) = self.pairs_of_points(targets, sources);
+            self.sum_directly_above(first_level_of_many(near, &by_level), targets, sources);
         }
-        let first = self.first_level_of_many(targets, sources);
+    }
+
+    /// Sums directly what comes through the levels above `first`. O(cells and their pairs).
+    pub(crate) fn sum_directly_above(&mut self, first: usize, targets: &Shape, sources: &Shape) {
         let is_coarse = |node: &Node| node.level() < first;
         let is_met = |t: usize| !(self.m2l.of(t).is_empty() && self.p2l.of(t).is_empty());
         let mut coarse = (0..first).flat_map(|level| targets.level(level));
@@ -168,11 +175,12 @@ impl Lists {
         size_of_val(&self.bits[..]) + shares
     }
 
-    /// The coarsest level through which pairs of points meet that are not [few](FEW), those of all levels
-    /// above it counted with it.
-    fn first_level_of_many(&self, targets: &Shape, sources: &Shape) -> usize {
-        let product =
-            |t: usize, sources: u64| (targets.nodes[t].count() as u64).saturating_mul(sources);
+    /// How many pairs of points are summed directly, and how many meet through each level, those of targets that are
+    /// here.
+    pub(crate) fn pairs_of_points(&self, targets: &Shape, sources: &Shape) -> (u64, Vec<u64>) {
+        let product = |t: usize, sources: u64| {
+            (targets.nodes[t].points().len() as u64).saturating_mul(sources)
+        };
         let count = |s: &u32| sources.nodes[*s as usize].count() as u64;
         let of_runs = |&leaf: &u32| {
             let runs = self.near.of(leaf as usize).iter();
@@ -186,18 +194,14 @@ impl Lists {
                 *sum = sum.saturating_add(product(leaf as usize, count(s)));
             }
         }
+        let by_level = |level: usize| {
+            let met = |t: usize| self.m2l.of(t).iter().chain(self.p2l.of(t)).map(count).sum();
+            let of_cells = targets.level(level).map(|t| product(t, met(t)));
+            let of_level = of_cells.fold(0, u64::saturating_add);
+            of_level.saturating_add(m2p.get(level).copied().unwrap_or_default())
+        };
         let levels = targets.levels().max(sources.levels());
-        let mut far = 0u64;
-        (0..levels)
-            .find(|&level| {
-                let met = |t: usize| self.m2l.of(t).iter().chain(self.p2l.of(t)).map(count).sum();
-                let of_cells = targets.level(level).map(|t| product(t, met(t)));
-                let of_level = of_cells.fold(0, u64::saturating_add);
-                let by_m2p = m2p.get(level).copied().unwrap_or_default();
-                far = far.saturating_add(of_level).saturating_add(by_m2p);
-                far > near / FEW
-            })
-            .unwrap_or(levels)
+        (near, (0..levels).map(by_level).collect())
     }
 
     /// Its size in memory, without what is remembered of a mask.
@@ -206,6 +210,17 @@ impl Lists {
         let far = self.m2l.bytes() + weighed + self.m2p.bytes() + self.p2l.bytes();
         far + self.left_out.bytes() + self.near.bytes()
     }
+}
+
+/// The coarsest level through which pairs of points meet that are not [few](FEW), those of all levels above it counted
+/// with it.
+pub(crate) fn first_level_of_many(near: u64, by_level: &[u64]) -> usize {
+    let mut far = 0u64;
+    let many = by_level.iter().position(|of_level| {
+        far = far.saturating_add(*of_level);
+        far > near / FEW
+    });
+    many.unwrap_or(by_level.len())
 }
 
 /// Pairs of points are few if they are no more than this fraction of those that are summed directly.

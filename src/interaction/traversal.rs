@@ -70,6 +70,8 @@ pub(crate) struct Found {
     pub(crate) near: Grouped<Run>,
     /// Handed down to the children.
     pub(crate) open: Grouped<Candidate>,
+    /// Source cells that would have to be opened, but whose children are elsewhere.
+    wanted: Vec<u32>,
     /// Pairs of leaves that are partly masked; their runs count from the start of the stretch.
     partial: Vec<PartialPair>,
     offsets: OffsetSet,
@@ -137,7 +139,7 @@ impl<T: Real> Traversal<'_, T> {
 
     /// What the root of the targets has to settle with.
     pub(crate) fn at_root(&self) -> Option<Candidate> {
-        (!self.sources.shape.order.is_empty()).then_some(Candidate { source: 0, full: false })
+        (!self.sources.shape.nodes.is_empty()).then_some(Candidate { source: 0, full: false })
     }
 
     /// Settles a target cell with every candidate, or hands it down. `near` is scratch.
@@ -210,6 +212,9 @@ impl<T: Real> Traversal<'_, T> {
         // With no far field, a full pair needs its target leaves only.
         let source = &self.sources.shape.nodes[s as usize];
         let source_is_whole = source.is_leaf() || (full && self.far == Far::Nothing);
+        if source.is_closed() && !source_is_whole {
+            return found.wanted.push(s);
+        }
         let children = source.children();
         let children = children.map(|s| Candidate { source: s as u32, full });
         match (self.targets.shape.nodes[t as usize].is_leaf(), source_is_whole) {
@@ -272,6 +277,9 @@ fn join(mut found: Vec<Found>, offsets: Vec<Vec<[i32; 3]>>) -> (Lists, Vec<Parti
         runs += part.near.items.len();
     }
     let weighed = Grouped::join(found.iter_mut().map(|part| std::mem::take(&mut part.weighed)));
+    let mut wanted: Vec<u32> = found.iter_mut().flat_map(|part| part.wanted.drain(..)).collect();
+    wanted.sort_unstable();
+    wanted.dedup();
     let of_weight = |eighths: u8| {
         weighed.mapped(|_, items, out| {
             let own = items.iter().filter(|pair: &&Weighed| pair.eighths == eighths);
@@ -292,6 +300,7 @@ fn join(mut found: Vec<Found>, offsets: Vec<Vec<[i32; 3]>>) -> (Lists, Vec<Parti
         bits: Vec::new(),
         shares: Grouped::default(),
         offsets,
+        wanted,
     };
     (lists, partial)
 }

@@ -8,6 +8,7 @@ use crate::interpolation::prepared::{Invariant, Prepared};
 use crate::interpolation::scratch::{Move, Shifted};
 use crate::interpolation::tuning::SHIFTED_TOGETHER;
 use crate::kernel::traits::Kernel;
+use crate::linalg::matrix::Matrix;
 use crate::numbers::traits::Scalar;
 use crate::octree::geometry::Cell;
 use crate::parallel;
@@ -133,8 +134,7 @@ impl<S: Scalar> Invariant<S> {
                     x.extend(column.iter().zip(signs).map(|(&x, &sign)| x * S::from_real(sign)));
                 }
             }
-            z.resize(moves.len() * lens[1], zero::<S>());
-            S::product(matrix, x, false, z);
+            columns_alike(matrix, x, z);
             for (one, z) in moves.iter().zip(z.chunks_exact(lens[1])) {
                 let signs = shift(one).signs[1];
                 let terms = &mut to[one.to * lens[1]..][..lens[1]];
@@ -147,5 +147,74 @@ impl<S: Scalar> Invariant<S> {
                 }
             }
         }
+    }
+}
+
+/// Columns are multiplied by as many at a time, or a multiple of that.
+const TOGETHER: usize = 8;
+
+/// Products of at most as many multiply-adds are formed in another way than larger ones.
+const SMALL_PRODUCT: usize = 1 << 12;
+
+/// Z = A X for columns that stand one after the other. Each comes out to the same bits whatever other columns there are, and
+/// however many: which cells are shifted together is then nothing to any of them. Zeros fill up the last columns.
+fn columns_alike<S: Scalar>(matrix: &Matrix<S>, x: &mut Vec<S>, z: &mut Vec<S>) {
+    let Matrix { rows, columns, .. } = *matrix;
+    let count = (x.len() / columns).next_multiple_of(TOGETHER);
+    x.resize(count * columns, zero::<S>());
+    z.resize(count * rows, zero::<S>());
+    let is_small = rows * columns * TOGETHER <= SMALL_PRODUCT;
+    let together = if is_small { TOGETHER } else { count };
+    let (x, z) = (x.chunks(together * columns), z.chunks_mut(together * rows));
+    x.zip(z).for_each(|(x, z)| S::product(matrix, x, false, z));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use num_complex::Complex;
+
+    fn check<S: Scalar>(number: impl Fn(usize) -> S) {
+        for (rows, columns) in [
+            (1, 1),
+            (1, 30),
+            (30, 1),
+            (2, 3),
+            (8, 8),
+            (13, 21),
+            (22, 23),
+            (24, 24),
+            (47, 50),
+            (64, 64),
+            (100, 90),
+            (150, 200),
+        ] {
+            let matrix = Matrix::from_fn(rows, columns, |i, j| number(7 * i + 3 * j));
+            let all: Vec<S> = (0..97 * columns).map(|k| number(5 * k + 1)).collect();
+            let mut expected = Vec::new();
+            for x in all.chunks_exact(columns) {
+                let mut z = Vec::new();
+                columns_alike(&matrix, &mut x.to_vec(), &mut z);
+                expected.extend_from_slice(&z[..rows]);
+            }
+            for count in [2, 3, 7, 8, 9, 12, 31, 96, 97] {
+                for first in [0, 97 - count] {
+                    let (mut x, mut z) =
+                        (all[first * columns..][..count * columns].to_vec(), Vec::new());
+                    columns_alike(&matrix, &mut x, &mut z);
+                    let expected = &expected[first * rows..][..count * rows];
+                    assert!(z[..count * rows] == *expected, "{rows} x {columns}, {count} columns");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_column_is_nothing_to_the_others() {
+        let number = |k: usize| (0.37 * (k + 1) as f64).sin();
+        check(number);
+        check(|k| number(k) as f32);
+        check(|k| Complex::new(number(k), number(k + 5)));
+        check(|k| Complex::new(number(k) as f32, number(k + 5) as f32));
     }
 }

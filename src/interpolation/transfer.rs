@@ -77,7 +77,7 @@ impl<S: Scalar> Transfers<S> {
                 group.add_one(place, m, l, |m| m, |l| l * S::from_real(scale));
             }
             Digits::Single(group) => {
-                let unit = unit_of(m);
+                let unit = power_of_two(largest(m));
                 let shrink = S::from_real(unit.recip());
                 let leave = |l| self.in_full(l, unit) * S::from_real(scale);
                 group.add_one(place, m, l, |m| (m * shrink).to_single(), leave);
@@ -130,11 +130,11 @@ impl<S: Scalar> Transfers<S> {
         sent: &mut Sent<S>,
     ) {
         let Sent { wanted, full, single, unit } = sent;
-        *unit = if self.numbering.coordinates[1] > 0 {
-            unit_of(multipoles)
-        } else {
-            S::Real::from_f64(1.0)
-        };
+        let elsewhere = S::Real::from_f64(pairs.largest_elsewhere);
+        *unit = S::Real::from_f64(1.0);
+        if self.numbering.coordinates[1] > 0 {
+            *unit = power_of_two(Float::max(largest(multipoles), elsewhere));
+        }
         let shrink = S::from_real(unit.recip());
         wanted.clear();
         wanted.resize_with(pairs.sources.len(), AtomicU32::default);
@@ -271,8 +271,8 @@ impl<S: Scalar> Transfers<S> {
     }
 }
 
-/// A power of two of about the size of the largest of these numbers.
-fn unit_of<S: Scalar>(numbers: &[S]) -> S::Real {
+/// The largest part of these numbers.
+fn largest<S: Scalar>(numbers: &[S]) -> S::Real {
     let zero = S::Real::from_f64(0.0);
     let chunks = parallel::map(numbers.len().div_ceil(SWEEP_CHUNK), &|chunk| {
         let parts = numbers[SWEEP_CHUNK * chunk..]
@@ -281,7 +281,7 @@ fn unit_of<S: Scalar>(numbers: &[S]) -> S::Real {
             .flat_map(|number| number.parts());
         parts.fold(zero, |largest, part| Float::max(largest, part.abs()))
     });
-    power_of_two(chunks.into_iter().fold(zero, Float::max))
+    chunks.into_iter().fold(zero, Float::max)
 }
 
 #[cfg(test)]
@@ -328,6 +328,7 @@ mod tests {
                     starts: &[0, 1],
                     list: &[0],
                     first_source: 0,
+                    largest_elsewhere: 0.0,
                     watch: &Watch::default(),
                 };
                 let mut level = vec![0.0; m.len()];

@@ -2,8 +2,8 @@
 
 use crate::error::Error;
 use crate::numbers::traits::{Located, Point, Real, Vector};
+use crate::octree::bounds::Bounds;
 use crate::octree::geometry::Cube;
-use crate::octree::tree::Bounds;
 
 /// The root cube of sources and targets within `bounds`. Where most of them lie together and the others make
 /// the bounds much larger, the root cube of those that lie together is a cell: whatever is far away, they are

@@ -1,7 +1,7 @@
 //! The root cube and its cells.
 
 use crate::numbers::traits::{Point, Real, Vector};
-use crate::octree::morton::KEY_LEVELS;
+use crate::octree::morton::{KEY_LEVELS, morton_key};
 
 /// The deepest level of the octree: as many as three Morton keys tell apart.
 pub const MAX_LEVEL: usize = 3 * KEY_LEVELS;
@@ -50,6 +50,17 @@ impl<T: Real> Cube<T> {
     /// Half its edge.
     pub fn half_width(&self) -> T {
         self.half_width
+    }
+
+    /// Where `p` is along the Morton curve through the cells of [`MAX_LEVEL`]: three words of 21 levels each, three bits
+    /// a level, that compare like the places. Only the first of them is found, from rounded numbers, unless the place
+    /// is to be exact: that is what trees need whose cells the first word can't tell apart.
+    pub fn curve_key(&self, p: Point<T>, exact: bool) -> [u64; 3] {
+        if !exact {
+            return [morton_key(self.locate(p)), 0, 0];
+        }
+        let place = self.locate_exactly(p);
+        [2, 1, 0].map(|word| morton_key(place.map(|c| c >> (word * KEY_LEVELS))))
     }
 
     /// The deepest level on which all arithmetic is that of normal numbers: [`MAX_LEVEL`], but for tiny

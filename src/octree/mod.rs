@@ -1,5 +1,6 @@
 //! The octree: its root cube and cells, Morton keys, the tree over one point set and over two.
 
+pub(crate) mod bounds;
 pub(crate) mod bulk;
 pub(crate) mod geometry;
 pub(crate) mod morton;

@@ -33,22 +33,32 @@ pub(crate) struct Node {
     first_child: u32,
     child_count: u32,
     level: u32,
+    /// How many points it has, here or elsewhere.
+    count: u32,
+    /// Whether some of its children are elsewhere.
+    closed: bool,
 }
 
 impl Node {
     fn leaf(points: Range<u32>, parent: u32, level: usize) -> Self {
-        let (first, last) = (points.start, points.end);
-        Self { first, last, parent, first_child: 0, child_count: 0, level: level as u32 }
+        let (first, last, count) = (points.start, points.end, points.end - points.start);
+        let (first_child, child_count, level) = (0, 0, level as u32);
+        Self { first, last, parent, first_child, child_count, level, count, closed: false }
     }
 
-    /// Its points, as a range in tree order.
+    /// Its points, as far as they are here, as a range in tree order.
     pub(crate) fn points(&self) -> Range<usize> {
         self.first as usize..self.last as usize
     }
 
-    /// How many points it has.
+    /// Says where its points are now.
+    pub(crate) fn move_points(&mut self, first: u32) {
+        (self.first, self.last) = (first, first + (self.last - self.first));
+    }
+
+    /// How many points it has, here or elsewhere.
     pub(crate) fn count(&self) -> usize {
-        (self.last - self.first) as usize
+        self.count as usize
     }
 
     /// Indices of its children.
@@ -61,10 +71,27 @@ impl Node {
         self.level as usize
     }
 
-    /// Whether it has no children.
+    /// Whether it has no children, here or elsewhere.
     pub(crate) fn is_leaf(&self) -> bool {
-        self.child_count == 0
+        self.child_count == 0 && !self.closed
     }
+
+    /// Whether some of its children are elsewhere.
+    pub(crate) fn is_closed(&self) -> bool {
+        self.closed
+    }
+}
+
+/// A cell that is given rather than found by dividing.
+#[derive(Clone, Debug)]
+pub(crate) struct Given {
+    pub(crate) level: usize,
+    /// Its points, as far as they are here.
+    pub(crate) points: Range<u32>,
+    /// How many points it has, here or elsewhere.
+    pub(crate) count: u32,
+    /// Whether some of its children are elsewhere.
+    pub(crate) closed: bool,
 }
 
 /// Points per task of a sweep over all of them.
@@ -105,6 +132,52 @@ impl Shape {
         }
         shape.order = sorted.par_iter().map(|item| item.index).collect();
         shape
+    }
+
+    /// The shape of cells that are given level by level, from the root on, those of a level in the order of their points.
+    /// O(cells).
+    ///
+    /// # Errors
+    /// The index of the first cell that is out of order or has no parent.
+    pub(crate) fn of_cells(cells: &[Given], order: Vec<u32>) -> Result<Self, usize> {
+        let (nodes, leaves) = (Vec::with_capacity(cells.len()), Vec::new());
+        let mut shape = Self { nodes, level_starts: vec![0], leaves, order };
+        let mut parent = 0;
+        for (index, Given { level, points, count, closed }) in cells.iter().enumerate() {
+            let level_of_last = shape.nodes.last().map_or(0, Node::level);
+            if *level > level_of_last {
+                parent = shape.level_starts[level_of_last];
+                shape.level_starts.push(index);
+            }
+            let is_next = *level == level_of_last || *level == level_of_last + 1;
+            let follows = *level > level_of_last
+                || shape.nodes.last().is_none_or(|last| *level > 0 && last.last <= points.start);
+            if !is_next || !follows || points.start >= points.end {
+                return Err(index);
+            }
+            if *level > 0 {
+                let first = shape.level_starts[*level];
+                while parent < first && shape.nodes[parent].last <= points.start {
+                    parent += 1;
+                }
+                let holds = |node: &Node| node.first <= points.start && points.end <= node.last;
+                if parent == first || !holds(&shape.nodes[parent]) {
+                    return Err(index);
+                }
+                let above = &mut shape.nodes[parent];
+                if above.child_count == 0 {
+                    above.first_child = index as u32;
+                }
+                above.child_count += 1;
+            }
+            let leaf = Node::leaf(points.clone(), parent as u32, *level);
+            shape.nodes.push(Node { count: *count, closed: *closed, ..leaf });
+        }
+        if !shape.nodes.is_empty() {
+            shape.level_starts.push(shape.nodes.len());
+            shape.collect_leaves();
+        }
+        Ok(shape)
     }
 
     /// Whether a leaf has more than `leaf_size` points although not all have one of these places.
@@ -255,4 +328,42 @@ fn octant_ends(points: &[Keyed], start: u32, shift: u32) -> [u32; 8] {
         let count = points.partition_point(|item| (item.key >> shift) as usize % 8 <= octant);
         start + count as u32
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn given(level: usize, points: Range<u32>) -> Given {
+        Given { level, count: points.end - points.start, points, closed: false }
+    }
+
+    #[test]
+    fn given_cells_hang_together_by_their_points() {
+        let mut cells = vec![given(0, 0..9), given(1, 0..3), given(1, 5..9), given(2, 5..7)];
+        cells[0].count = 20;
+        cells[2].closed = true;
+        let shape = Shape::of_cells(&cells, Vec::new()).unwrap();
+        assert_eq!(shape.levels(), 3);
+        let children: Vec<_> = shape.nodes.iter().map(Node::children).collect();
+        assert_eq!(children[..3], [1..3, 0..0, 3..4]);
+        assert_eq!(shape.leaves, [1, 3]);
+        assert!(shape.nodes[2].is_closed() && !shape.nodes[2].is_leaf());
+        assert_eq!((shape.nodes[0].count(), shape.nodes[0].points()), (20, 0..9));
+        assert_eq!(shape.path_to_root(3).collect::<Vec<_>>(), [3, 2, 0]);
+        assert_eq!(Shape::of_cells(&[], Vec::new()).unwrap().levels(), 0);
+    }
+
+    #[test]
+    fn cells_that_do_not_make_a_tree_are_refused() {
+        let refused = |cells: &[Given]| Shape::of_cells(cells, Vec::new()).err();
+        let root = || given(0, 2..9);
+        assert_eq!(refused(&[given(1, 0..3)]), Some(0), "no root");
+        assert_eq!(refused(&[root(), given(0, 9..12)]), Some(1), "two roots");
+        assert_eq!(refused(&[root(), given(2, 2..3)]), Some(1), "a level is missing");
+        assert_eq!(refused(&[root(), given(1, 4..6), given(1, 2..4)]), Some(2), "out of order");
+        assert_eq!(refused(&[root(), given(1, 2..6), given(1, 5..7)]), Some(2), "overlapping");
+        assert_eq!(refused(&[root(), given(1, 3..10)]), Some(1), "points its parent has not");
+        assert_eq!(refused(&[root(), given(1, 3..3)]), Some(1), "empty");
+    }
 }

@@ -4,9 +4,10 @@ use std::sync::Arc;
 
 use crate::error::{Error, PointSet};
 use crate::numbers::traits::Located;
+use crate::octree::bounds::Bounds;
 use crate::octree::bulk::root_cube;
 use crate::octree::geometry::Cube;
-use crate::octree::tree::{Bounds, Tree};
+use crate::octree::tree::Tree;
 use crate::parallel;
 use crate::parallel::watch::Watch;
 

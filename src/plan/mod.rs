@@ -14,6 +14,7 @@ pub(crate) mod near;
 pub(crate) mod norms;
 pub(crate) mod pair_time;
 pub(crate) mod passes;
+pub(crate) mod part;
 pub(crate) mod ready;
 pub(crate) mod report;
 pub(crate) mod sampled_target;
@@ -21,6 +22,7 @@ pub(crate) mod stats;
 pub(crate) mod times;
 pub(crate) mod trial;
 pub(crate) mod tuning;
+pub(crate) mod upward;
 
 use std::fmt;
 use std::sync::Arc;
@@ -163,6 +165,8 @@ pub(crate) struct Workspace<E: Expansion> {
     pub(crate) values: Vec<ValueOf<E>>,
     /// Multipole terms, level by level, cell after cell.
     pub(crate) multipoles: Vec<Vec<E::MultipoleTerm>>,
+    /// For each level, a number that no multipole term of cells elsewhere is larger than; none if all are here.
+    pub(crate) largest_elsewhere: Vec<f64>,
     /// Local terms, likewise.
     pub(crate) locals: Vec<Vec<E::LocalTerm>>,
     /// For every entry of the P2L list, whether the expansion declined it.
@@ -177,6 +181,7 @@ impl<E: Expansion> Workspace<E> {
             charges: vec![Numbers::zero(); plan.sources.len()],
             values: vec![Numbers::zero(); plan.targets.len()],
             multipoles: multipole_terms.iter().map(|&n| vec![Numbers::zero(); n]).collect(),
+            largest_elsewhere: Vec::new(),
             locals: local_terms.iter().map(|&n| vec![Numbers::zero(); n]).collect(),
             p2l_declined: plan.lists.p2l.items.iter().map(|_| AtomicBool::new(false)).collect(),
             gathered: Pool::default(),

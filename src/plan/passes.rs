@@ -16,6 +16,7 @@ use crate::plan::layout::for_each_leaf;
 use crate::plan::near::{Gathered, Near};
 use crate::plan::times::{ApplyTimes, Clock};
 use crate::plan::tuning::PIECE;
+use crate::plan::upward::Upward;
 use crate::plan::{Plan, Scheme, Workspace};
 
 /// What is added up at the targets in one sweep over their leaves.
@@ -112,6 +113,12 @@ impl<E: Expansion> Plan<E> {
         self.evaluate(workspace, Sweep { every, ..Sweep::ALL }, watch);
     }
 
+    /// The sums in tree order, left in the workspace, for the charges and the multipole terms that stand there.
+    pub(crate) fn run_given(&self, workspace: &mut Workspace<E>, watch: &Watch) {
+        self.translate(workspace, &mut Clock::start(), &mut ApplyTimes::default(), watch);
+        self.evaluate(workspace, Sweep::ALL, watch);
+    }
+
     /// The sums in the caller's order.
     pub(crate) fn in_callers_order(&self, workspace: &Workspace<E>) -> Vec<ValueOf<E>> {
         let mut values = vec![Numbers::zero(); self.targets.len()];
@@ -143,12 +150,31 @@ impl<E: Expansion> Plan<E> {
             places.for_each(|(q, &i)| q.clone_from(&charges[i as usize]));
         });
         clock.lap(&mut times.permutation);
-        self.p2m(workspace, watch);
+        let Workspace { charges, multipoles, .. } = workspace;
+        let upward = Upward {
+            expansion: &self.expansion,
+            tree: &self.source_tree,
+            formed: &self.layout.multipole,
+            shifts_moments: self.scheme.shifts_moments(),
+            watch,
+        };
+        upward.p2m(&self.sources, charges, multipoles);
         clock.lap(&mut times.p2m);
-        if self.scheme.shifts_moments() {
-            self.m2m(workspace, watch);
+        if upward.shifts_moments {
+            upward.m2m(multipoles);
             clock.lap(&mut times.m2m);
         }
+        self.translate(workspace, clock, times, watch);
+    }
+
+    /// From multipole to local terms.
+    fn translate(
+        &self,
+        workspace: &mut Workspace<E>,
+        clock: &mut Clock,
+        times: &mut ApplyTimes,
+        watch: &Watch,
+    ) {
         if self.scheme == Scheme::Fmm {
             for level in 0..self.target_tree.shape.levels() {
                 self.m2l(level, workspace, watch);
@@ -162,49 +188,9 @@ impl<E: Expansion> Plan<E> {
         }
     }
 
-    /// P2M wherever moments are not shifted from children.
-    fn p2m(&self, workspace: &mut Workspace<E>, watch: &Watch) {
-        let Workspace { charges, multipoles, .. } = workspace;
-        let tree = &self.source_tree;
-        for (level, multipoles) in multipoles.iter_mut().enumerate() {
-            let first = tree.shape.level(level).start;
-            let len = self.expansion.multipole_len(level);
-            parallel::for_each_piece(multipoles, len, &|i, multipole| {
-                let (cell, node) = (&tree.cells[first + i], &tree.shape.nodes[first + i]);
-                if watch.advance(1)
-                    || !self.layout.multipole[first + i]
-                    || (!node.is_leaf() && self.scheme.shifts_moments())
-                {
-                    return;
-                }
-                multipole.fill(Numbers::zero());
-                let points = node.points();
-                let (ys, qs) = (&self.sources[points.clone()], &charges[points]);
-                self.expansion.p2m(cell, ys, qs, multipole);
-            });
-        }
-    }
-
-    /// M2M into every cell that has children, from the deepest up.
-    fn m2m(&self, workspace: &mut Workspace<E>, watch: &Watch) {
-        let tree = &self.source_tree;
-        for level in (1..tree.shape.levels()).rev() {
-            let (above, below) = workspace.multipoles.split_at_mut(level);
-            let families = LevelFamilies::new(tree, level - 1, &self.layout.multipole, watch);
-            let to = &mut above[level - 1];
-            let len = self.expansion.multipole_len(level - 1);
-            parallel::for_each_piece(to, len, &|p, multipole| {
-                if !families.children_of(p).is_empty() {
-                    multipole.fill(Numbers::zero());
-                }
-            });
-            self.expansion.m2m_level(&families, &below[0], to);
-        }
-    }
-
     /// M2L within one level.
     fn m2l(&self, level: usize, workspace: &mut Workspace<E>, watch: &Watch) {
-        let Workspace { multipoles, locals, .. } = workspace;
+        let Workspace { multipoles, locals, largest_elsewhere, .. } = workspace;
         let (sources, targets) = (&self.source_tree, &self.target_tree);
         let locals = &mut locals[level];
         if locals.is_empty() {
@@ -224,6 +210,7 @@ impl<E: Expansion> Plan<E> {
                     starts,
                     list: &list.items,
                     first_source: source_cells.start,
+                    largest_elsewhere: largest_elsewhere.get(level).copied().unwrap_or(0.0),
                     watch,
                 };
                 self.expansion.m2l_level(&pairs, &multipoles[level], locals);
@@ -260,7 +247,8 @@ impl<E: Expansion> Plan<E> {
 
     /// Adds up what one sweep brings to the values at every target leaf.
     fn evaluate(&self, workspace: &mut Workspace<E>, sweep: Sweep, watch: &Watch) {
-        let Workspace { charges, values, multipoles, locals, p2l_declined, gathered } = workspace;
+        let Workspace { charges, values, multipoles, locals, p2l_declined, gathered, .. } =
+            workspace;
         let near = Near {
             kernel: self.expansion.kernel(),
             tolerance: self.pair_tolerance,
@@ -269,7 +257,7 @@ impl<E: Expansion> Plan<E> {
             bits: &self.lists.bits,
             watch,
         };
-        if self.layout.is_direct && sweep.near {
+        if self.scheme == Scheme::Direct && self.layout.is_direct && sweep.near {
             if sweep.local {
                 parallel::for_each_piece(values, PIECE, &|_, us| us.fill(Numbers::zero()));
             }
