@@ -21,6 +21,7 @@ pub(crate) mod stats;
 pub(crate) mod times;
 pub(crate) mod trial;
 pub(crate) mod tuning;
+pub(crate) mod update;
 
 use std::fmt;
 use std::sync::Arc;
