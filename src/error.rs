@@ -220,6 +220,11 @@ pub enum Error {
         /// What the mask says.
         found: f64,
     },
+    /// A plan with a mask is given other points, and no mask for them.
+    #[error(
+        "the plan was built with a mask: expected one for the points that take their place (`Fmm::update_masked`)"
+    )]
+    MaskNeeded,
     /// What a pair is said to take is not a time.
     #[error("a pair is said to take {found} seconds: expected a number above 0")]
     InvalidPairSeconds {

@@ -38,7 +38,9 @@ pub struct Interpolation<K: Kernel> {
     pub(super) accuracy: Accuracy,
     /// Where operators are kept.
     pub(super) store: OperatorStore,
-    pub(super) prepared: Prepared<K::Entry>,
+    pub(super) prepared: Arc<Prepared<K::Entry>>,
+    /// What the expansion that this one was cloned from had prepared last.
+    pub(super) former: Option<Arc<Prepared<K::Entry>>>,
     /// Which pairs of cells are carried.
     pub(super) admissibility: Admissibility,
     /// Core seconds that went into preparing it, for all geometries.
@@ -60,7 +62,8 @@ impl<K: Kernel> Interpolation<K> {
             kernel,
             accuracy,
             store,
-            prepared: Prepared::Everywhere(Box::new(everywhere)),
+            prepared: Arc::new(Prepared::Everywhere(Box::new(everywhere))),
+            former: None,
             admissibility: Admissibility::default(),
             spent: 0.0,
             scratch: Pool::default(),
@@ -92,16 +95,25 @@ impl<K: Kernel> Interpolation<K> {
     /// prepared, relative to what whole sums [allow](crate::Strength::size) where that is known, and to the
     /// kernel's size otherwise; none for a kernel that is not translation invariant.
     pub fn measured_error(&self) -> Option<f64> {
-        match &self.prepared {
+        match &*self.prepared {
             Prepared::Everywhere(_) => None,
             Prepared::Invariant(invariant) => Some(invariant.operators.error),
+        }
+    }
+
+    /// For how many levels operators were built when the expansion was prepared last, rather than
+    /// [kept](crate::Fmm::update) or found in an [`OperatorStore`]; 1 if one level's operators serve all.
+    pub fn built_levels(&self) -> usize {
+        match &*self.prepared {
+            Prepared::Everywhere(_) => 0,
+            Prepared::Invariant(invariant) => invariant.built,
         }
     }
 
     /// How many multiply-adds M2L takes at a level per right-hand side and cell with a full interaction
     /// list; none for a kernel that is not translation invariant.
     pub fn m2l_multiply_adds(&self, level: usize) -> Option<f64> {
-        match &self.prepared {
+        match &*self.prepared {
             Prepared::Everywhere(_) => None,
             Prepared::Invariant(invariant) => {
                 Some(invariant.level(level).transfers.numbering.multiply_adds())
@@ -112,7 +124,7 @@ impl<K: Kernel> Interpolation<K> {
     /// The mean rank of M2L at a level, by direction; none for a kernel that is not translation
     /// invariant.
     pub fn mean_m2l_rank(&self, level: usize) -> Option<f64> {
-        match &self.prepared {
+        match &*self.prepared {
             Prepared::Everywhere(_) => None,
             Prepared::Invariant(invariant) => {
                 Some(invariant.level(level).transfers.numbering.mean_rank())
@@ -121,23 +133,45 @@ impl<K: Kernel> Interpolation<K> {
     }
 
     pub(super) fn rule(&self) -> &Chebyshev<K::Real> {
-        match &self.prepared {
+        match &*self.prepared {
             Prepared::Everywhere(everywhere) => &everywhere.rule,
             Prepared::Invariant(invariant) => &invariant.operators.rule,
         }
     }
 
     pub(super) fn source_basis(&self, level: usize) -> &Basis<K::Entry> {
-        match &self.prepared {
+        match &*self.prepared {
             Prepared::Everywhere(everywhere) => &everywhere.source,
             Prepared::Invariant(invariant) => &invariant.level(level).bases.source,
         }
     }
 
     pub(super) fn target_basis(&self, level: usize) -> &Basis<K::Entry> {
-        match &self.prepared {
+        match &*self.prepared {
             Prepared::Everywhere(everywhere) => &everywhere.target,
             Prepared::Invariant(invariant) => &invariant.level(level).bases.target,
+        }
+    }
+}
+
+/// Shares the kernel and the operators. Prepared for other points, the clone keeps those operators that serve them.
+impl<K: Kernel> Clone for Interpolation<K> {
+    fn clone(&self) -> Self {
+        let former = match &*self.prepared {
+            Prepared::Invariant(_) => Some(Arc::clone(&self.prepared)),
+            // Direct sums prepare nothing.
+            Prepared::Everywhere(_) => self.former.clone(),
+        };
+        Self {
+            kernel: Arc::clone(&self.kernel),
+            accuracy: self.accuracy,
+            store: self.store.clone(),
+            prepared: Arc::clone(&self.prepared),
+            former,
+            admissibility: self.admissibility.clone(),
+            spent: 0.0,
+            scratch: Pool::default(),
+            shifted: Pool::default(),
         }
     }
 }

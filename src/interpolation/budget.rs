@@ -20,6 +20,7 @@
 //! | one pair of the near field | [`PAIR_SHARE`] | ε | `expansion` |
 //! | a far field that has died out | [`NEIGHBOUR_SHARE`] | the neighbours' fields | `far_field` |
 //! | a level that serves fewer than [`FEW`] cells, but more than [`ONE`] | 1 / [`SPARE`] | ε of whole sums | `scale` |
+//! | operators that are kept for other points | 1 / [`KEPT`] to all | ε of whole sums | `scale`, `kept` |
 //! | sizes that operators are shared for | 2 to the power of [`ROUNDED_UP`] | ε of whole sums | `scale` |
 //!
 //! The numbers were found by trial on 1/r, 1/r⁴, Yukawa's kernel and the radiosity tensor at tolerances of
@@ -88,6 +89,9 @@ pub(crate) const SPARE: f64 = 3.0;
 
 /// By which power of two sizes that errors are relative to may be rounded up.
 pub(crate) const ROUNDED_UP: f64 = 0.25;
+
+/// By how much more exact than they need be operators may be that are kept for points that have moved.
+pub(crate) const KEPT: f64 = 4.0;
 
 /// The share of the tolerance that each truncation may use at first.
 ///

@@ -146,7 +146,7 @@ impl<K: Kernel> Interpolation<K> {
     /// Where the kernel sees the cell's centre and the point `p`. A translation-invariant kernel sees
     /// them from the centre, which keeps the digits that a far-away origin would cost.
     fn seen(&self, cell: &Cell<K::Real>, p: Point<K::Real>) -> (Point<K::Real>, Point<K::Real>) {
-        match &self.prepared {
+        match &*self.prepared {
             Prepared::Everywhere(_) => (cell.centre(), p),
             Prepared::Invariant(_) => (Point::<K::Real>::default(), cell.relative(p)),
         }

@@ -7,7 +7,7 @@ use crate::kernel::mask::Coverage;
 use crate::numbers::traits::Real;
 
 /// What comes to a cell through expansions.
-#[derive(Clone, Debug, Default, Hash)]
+#[derive(Clone, Debug, Default, Hash, PartialEq)]
 pub(crate) struct Carried {
     /// A bit for each of the 343 offsets of up to three cells, for cells of one level and then for those above
     /// it. Empty if everything is carried.

@@ -63,9 +63,11 @@ impl<K: Kernel> Expansion for Interpolation<K> {
             None => Identity::Code(K::entries as *const () as usize),
         };
         let stored = (&self.store, identity);
-        let prepared = Prepared::new(stored, &entries, slopes, self.accuracy, geometry);
+        let former = self.former.as_deref();
+        let prepared = Prepared::new(stored, &entries, slopes, self.accuracy, geometry, former);
         self.spent = work.seconds();
-        (self.prepared, self.admissibility) = prepared?;
+        let (prepared, admissibility) = prepared?;
+        (self.prepared, self.admissibility) = (Arc::new(prepared), admissibility);
         self.scratch = Pool::default();
         Ok(())
     }
@@ -81,7 +83,7 @@ impl<K: Kernel> Expansion for Interpolation<K> {
     }
 
     fn pair_sizes(&self, level: usize) -> [f64; 2] {
-        match &self.prepared {
+        match &*self.prepared {
             Prepared::Everywhere(own) => own.pair_sizes.get(level).copied().unwrap_or_default(),
             Prepared::Invariant(invariant) => invariant.pair_sizes(level),
         }
@@ -148,7 +150,7 @@ impl<K: Kernel> Expansion for Interpolation<K> {
         from: &[K::Entry],
         to: &mut [K::Entry],
     ) {
-        if let Prepared::Invariant(invariant) = &self.prepared {
+        if let Prepared::Invariant(invariant) = &*self.prepared {
             let (transfers, scale) = invariant.transfers(source.level(), source.half_width());
             if transfers.add(source.offset_to(target), scale, from, to) {
                 return;
@@ -170,7 +172,7 @@ impl<K: Kernel> Expansion for Interpolation<K> {
             self.m2l_by_kernel(level.weight, source, target, multipole, local);
         };
         let Some(half_width) = level.targets.first().map(Cell::half_width) else { return };
-        match &self.prepared {
+        match &*self.prepared {
             Prepared::Everywhere(_) => level.for_each_pair(locals, by_kernel),
             Prepared::Invariant(invariant) => {
                 let (transfers, scale) = invariant.transfers(level.level, half_width);

@@ -66,6 +66,19 @@ impl<T: Real> FarField<T> {
         Self { sources, starts, offsets, half_width, carried }
     }
 
+    /// Only the sources in shells that are farther away than `reach`.
+    pub(crate) fn beyond(mut self, reach: f64) -> Self {
+        let shells = self.sources.split_off(self.starts[INTERACTION_OFFSETS]);
+        let distance = |p: Point<T>| {
+            p.to_array().into_iter().fold(0.0f64, |largest, x| largest.max(x.as_f64().abs()))
+        };
+        // What lay at the end of the shells that were there is among them.
+        let is_beyond = |(p, _): &(Point<T>, f64)| distance(*p) > reach;
+        self.sources = shells.into_iter().filter(is_beyond).collect();
+        self.starts.fill(0);
+        self
+    }
+
     /// The offsets of the interaction list.
     pub(crate) fn offsets(&self) -> &[[i32; 3]] {
         &self.offsets

@@ -19,6 +19,7 @@ pub(crate) mod exchange;
 pub(crate) mod expansion;
 pub(crate) mod far_field;
 pub(crate) mod hashing;
+pub(crate) mod kept;
 pub(crate) mod known;
 pub(crate) mod lanes;
 pub(crate) mod left_out;

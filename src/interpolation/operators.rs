@@ -1,5 +1,7 @@
 //! From a tolerance to operators: order, bases, M2L matrices and shifts, for the levels that occur.
 
+use std::sync::Arc;
+
 use num_traits::Float;
 
 use crate::error::Error;
@@ -15,6 +17,7 @@ use crate::interpolation::cost;
 use crate::interpolation::entries::Entries;
 use crate::interpolation::far_field::FarField;
 use crate::interpolation::hashing::Digest;
+use crate::interpolation::kept::Kept;
 use crate::interpolation::level::{LevelOperators, Request, build_levels, operator_costs};
 use crate::interpolation::means::largest;
 use crate::interpolation::offset_errors::{OffsetErrors, test_costs};
@@ -34,7 +37,7 @@ pub(crate) struct Operators<S: Scalar> {
     /// The largest relative error seen between sample points.
     pub(crate) error: f64,
     /// Level by level from the coarsest; one for all if the kernel is homogeneous.
-    pub(crate) levels: Vec<LevelOperators<S>>,
+    pub(crate) levels: Vec<Arc<LevelOperators<S>>>,
     /// From each level to the next finer one; one for all if the kernel is homogeneous.
     pub(crate) shifts: Vec<Shifts<S>>,
 }
@@ -48,6 +51,7 @@ pub(crate) struct Shifts<S> {
 }
 
 /// Cell sizes: levels for a kernel that depends on scale, one for a homogeneous kernel.
+#[derive(Clone)]
 pub(crate) struct Sizes<T> {
     pub(crate) half_widths: Vec<T>,
     /// Whether cells of all sizes have the same operators.
@@ -72,14 +76,19 @@ impl<T: Real> Sizes<T> {
 }
 
 impl<S: Scalar> Operators<S> {
-    /// New operators; with the values of the kernel that they were made from, if they are to be `digested`.
+    /// For all levels, but for those that are kept, if there are any; with the values of the kernel that new ones were made
+    /// from, if they are to be `digested`.
     pub(crate) fn new(
         kernel: &Entries<'_, S>,
         slopes: Option<&Entries<'_, S>>,
         accuracy: Accuracy,
         sizes: &Sizes<S::Real>,
+        kept: Option<&Kept<S>>,
         digested: bool,
     ) -> Result<(Self, Digest), Refusal> {
+        let known = |level: usize| kept.and_then(|kept| kept.levels[level].as_ref());
+        let factor = |level: usize| known(level).map_or(1.0, |(_, factor)| *factor);
+        let is_new = |level: &usize| known(*level).is_none();
         let fields: Vec<FarField<S::Real>> = parallel::map(sizes.half_widths.len(), &|level| {
             let reflected = probe::parities(kernel, sizes.half_widths[level]).is_some();
             sizes.far_field(level, reflected)
@@ -98,7 +107,8 @@ impl<S: Scalar> Operators<S> {
         };
         let slopes: Vec<Option<Slopes<'_, S>>> = (0..fields.len()).map(slopes_of).collect();
         let errors = |rule: &Chebyshev<S::Real>| -> Vec<OffsetErrors> {
-            let of_level = |((far, &scale), slopes): ((&FarField<_>, &Scale), &Option<_>)| {
+            let of_level = |level: usize| {
+                let (far, scale, slopes) = (&fields[level], scales[level], &slopes[level]);
                 let mut errors = far.interpolation_error(kernel, rule, scale);
                 if !symmetric {
                     let sources = far.interpolation_error(&kernel.transpose(), rule, scale);
@@ -111,7 +121,7 @@ impl<S: Scalar> Operators<S> {
                 }
                 errors
             };
-            fields.iter().zip(scales).zip(&slopes).map(of_level).collect()
+            (0..fields.len()).filter(is_new).map(of_level).collect()
         };
         let worst =
             |rule: &Chebyshev<S::Real>| largest(errors(rule).iter().map(|level| level.mean));
@@ -139,13 +149,21 @@ impl<S: Scalar> Operators<S> {
                     };
                     Ok(fields.iter().zip(scales).map(of_level).collect())
                 };
-                let order = order_of(requested, &fields, afford, errors, closer)?;
                 let accepted =
                     if sizes.homogeneous { ACCEPTED_SHARE } else { ACCEPTED_LEVEL_SHARE };
-                (order..=MAX_ORDER.min(order + MORE_ORDERS), requested, accepted, requested)
+                let orders = match kept {
+                    Some(kept) => kept.order..=kept.order,
+                    None => {
+                        let order = order_of(requested, &fields, afford, errors, closer)?;
+                        order..=MAX_ORDER.min(order + MORE_ORDERS)
+                    }
+                };
+                (orders, requested, accepted, requested)
             }
         };
-        foretell(kernel, accuracy, *orders.start(), sides, &fields)?;
+        let new: Vec<usize> = (0..fields.len()).filter(is_new).collect();
+        let begun = new.iter().map(|&level| &fields[level]);
+        foretell(kernel, accuracy, *orders.start(), sides, begun)?;
         // The squares of the levels' errors add up.
         let levels = (fields.len() as f64).sqrt();
         let mut reachable = f64::INFINITY;
@@ -164,12 +182,22 @@ impl<S: Scalar> Operators<S> {
                 accepted,
                 digested,
             };
-            let requests: Vec<Request<'_, S>> = (0..fields.len()).map(request).collect();
+            // What an order that is given leaves out of new levels, others would not.
+            if kept.is_some() && worst(&rule) > INTERPOLATION_SHARE * needed {
+                break;
+            }
+            let requests: Vec<Request<'_, S>> = new.iter().map(|&level| request(level)).collect();
             let digest = Digest::default();
             let built = build_levels(&requests)?;
             built.iter().for_each(|built| digest.join(&built.digest));
-            let levels: Vec<_> = built.into_iter().map(|built| built.operators).collect();
-            let squares = levels.iter().map(|level| level.error * level.error);
+            let mut built = built.into_iter().map(|built| Arc::new(built.operators));
+            let levels = (0..fields.len()).filter_map(|level| match known(level) {
+                Some((known, _)) => Some(Arc::clone(known)),
+                None => built.next(),
+            });
+            let levels: Vec<Arc<LevelOperators<S>>> = levels.collect();
+            let errors = levels.iter().enumerate().map(|(l, level)| factor(l) * level.error);
+            let squares = errors.map(|error| error * error);
             let error = squares.sum::<f64>().sqrt();
             // One order more, rather than an error that sampling may have got wrong; but only if
             // interpolation has a part in it.
@@ -191,12 +219,12 @@ impl<S: Scalar> Operators<S> {
 
 /// Refuses operators of order `n`, with so many sides of their own, that can't be afforded, before they are
 /// begun.
-fn foretell<S: Scalar>(
+fn foretell<'a, S: Scalar>(
     kernel: &Entries<'_, S>,
     accuracy: Accuracy,
     n: usize,
     sides: f64,
-    fields: &[FarField<S::Real>],
+    fields: impl Iterator<Item = &'a FarField<S::Real>>,
 ) -> Result<(), Error> {
     let (mut evaluations, mut multiply_adds) = (0.0, 0.0);
     for far in fields {
@@ -213,7 +241,10 @@ fn foretell<S: Scalar>(
     kernel.afford(evaluations, multiply_adds)
 }
 
-fn shifts<S: Scalar>(rule: &Chebyshev<S::Real>, levels: &[LevelOperators<S>]) -> Vec<Shifts<S>> {
+fn shifts<S: Scalar>(
+    rule: &Chebyshev<S::Real>,
+    levels: &[Arc<LevelOperators<S>>],
+) -> Vec<Shifts<S>> {
     match levels {
         [one] => vec![Shifts::new(rule, one, one)],
         _ => levels.windows(2).map(|pair| Shifts::new(rule, &pair[0], &pair[1])).collect(),

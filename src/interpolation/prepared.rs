@@ -8,9 +8,11 @@ use crate::error::Error;
 use crate::expansion::admissibility::Admissibility;
 use crate::expansion::geometry::{Geometry, Level};
 use crate::interpolation::accuracy::Accuracy;
+use crate::interpolation::budget::SAFE_SHARE;
 use crate::interpolation::carried::Carried;
 use crate::interpolation::entries::Entries;
 use crate::interpolation::everywhere::Everywhere;
+use crate::interpolation::kept::{Former, kept_unit};
 use crate::interpolation::known::{Identity, Key};
 use crate::interpolation::left_out::leave_out;
 use crate::interpolation::level::LevelOperators;
@@ -45,9 +47,13 @@ pub(crate) struct Invariant<S: Scalar> {
     unit: S::Real,
     /// Where masks ask for more offsets than an unmasked tree: the transfers of that entry of
     /// `operators.levels`.
-    extended: Vec<Option<Transfers<S>>>,
+    extended: Vec<Option<Arc<Transfers<S>>>>,
     /// What errors of a pair's values and derivatives are relative to, level by level.
     pair_sizes: Vec<[f64; 2]>,
+    /// What the operators were made for.
+    sizes: Sizes<S::Real>,
+    /// For how many levels operators were built, rather than kept or found in a store.
+    pub(crate) built: usize,
 }
 
 /// S_to A S_from: a matrix with signs on its columns and rows.
@@ -67,6 +73,7 @@ impl<S: Scalar> Prepared<S> {
         slopes: Option<&Entries<'_, S>>,
         accuracy: Accuracy,
         geometry: &Geometry<S::Real>,
+        former: Option<&Self>,
     ) -> Result<(Self, Admissibility), Error> {
         let before = &geometry.admissibility;
         let unprepared = || {
@@ -80,7 +87,11 @@ impl<S: Scalar> Prepared<S> {
             let everywhere = Everywhere::new(kernel, slopes, accuracy, geometry)?;
             return Ok((Self::Everywhere(Box::new(everywhere)), before.clone()));
         }
-        match Invariant::new((store, identity), kernel, slopes, accuracy, geometry) {
+        let former = match former {
+            Some(Self::Invariant(former)) => Some(&**former),
+            _ => None,
+        };
+        match Invariant::new((store, identity), kernel, slopes, accuracy, geometry, former) {
             Ok(invariant) => Ok((Self::Invariant(Box::new(invariant)), before.clone())),
             Err(Refusal::Error(error)) => Err(error),
             Err(Refusal::Restricted(restriction)) => {
@@ -104,6 +115,7 @@ impl<S: Scalar> Invariant<S> {
         slopes: Option<&Entries<'_, S>>,
         accuracy: Accuracy,
         geometry: &Geometry<S::Real>,
+        former: Option<&Self>,
     ) -> Result<Self, Refusal> {
         let levels = || geometry.levels.iter().map(|level| level.half_width);
         let degree = probe::homogeneity(kernel, geometry.root.half_width(), levels());
@@ -112,6 +124,8 @@ impl<S: Scalar> Invariant<S> {
             None => levels().collect(),
         };
         let unit = probe::unit(kernel, half_widths.iter().copied());
+        let unit = former.map_or(unit, |former| kept_unit(former.unit, unit));
+        let former = former.filter(|former| former.unit == unit && former.degree == degree);
         // A kernel with a scale of its own is asked for distances within the root only: it may know no others.
         // It is asked for all of these: it may grow.
         let edge = 2.0 * geometry.root.half_width().as_f64();
@@ -177,7 +191,8 @@ impl<S: Scalar> Invariant<S> {
                 return Err(Error::UnreachableTolerance { requested, reachable }.into());
             }
         }
-        let operators = operators((store, identity), kernel, slopes, accuracy, &sizes)?;
+        let stored = (store, identity);
+        let (operators, built) = operators(stored, kernel, slopes, accuracy, &mut sizes, former)?;
         let first_level = geometry.levels.first().map_or(0, |level| level.level);
         let extended = operators.levels.iter().map(|_| None).collect();
         // The tolerance is divided among levels of their own.
@@ -191,13 +206,19 @@ impl<S: Scalar> Invariant<S> {
             [size(&sizes.scales), size(&sizes.slope_scales) / h]
         };
         let pair_sizes = geometry.levels.iter().enumerate().map(pair_sizes).collect();
-        let mut prepared = Self { operators, first_level, degree, unit, extended, pair_sizes };
-        prepared.extend(kernel, geometry);
+        let mut prepared =
+            Self { operators, first_level, degree, unit, extended, pair_sizes, sizes, built };
+        prepared.extend(kernel, geometry, former);
         Ok(prepared)
     }
 
-    /// Builds M2L operators for the offsets that only masks ask for.
-    fn extend(&mut self, kernel: &Entries<'_, S>, geometry: &Geometry<S::Real>) {
+    /// Builds M2L operators for the offsets that only masks ask for, unless there were such before.
+    fn extend(
+        &mut self,
+        kernel: &Entries<'_, S>,
+        geometry: &Geometry<S::Real>,
+        former: Option<&Self>,
+    ) {
         let mut bytes_left = EXTENDED_BYTES;
         for (index, level) in self.operators.levels.iter().enumerate() {
             let mut offsets = match self.degree {
@@ -219,9 +240,23 @@ impl<S: Scalar> Invariant<S> {
             if !offsets.is_empty() {
                 bytes_left -= bytes_left.min(images.len() * bytes);
                 offsets.extend(level.transfers.offsets());
-                self.extended[index] = Some(Transfers::new(kernel, &level.bases, &offsets));
+                let known = former.and_then(|former| former.extended_for(level, &offsets));
+                let new = || Arc::new(Transfers::new(kernel, &level.bases, &offsets));
+                self.extended[index] = Some(known.unwrap_or_else(new));
             }
         }
+    }
+
+    /// Transfers between cells with these operators, if there are any for all of these offsets.
+    fn extended_for(
+        &self,
+        level: &Arc<LevelOperators<S>>,
+        offsets: &[[i32; 3]],
+    ) -> Option<Arc<Transfers<S>>> {
+        let index = self.operators.levels.iter().position(|own| Arc::ptr_eq(own, level))?;
+        let known = self.extended[index].as_ref()?;
+        let is_known = |offset: &[i32; 3]| known.offsets().binary_search(offset).is_ok();
+        offsets.iter().all(is_known).then(|| Arc::clone(known))
     }
 
     /// What errors of a pair at `level` are relative to: those of values, and of derivatives.
@@ -237,7 +272,7 @@ impl<S: Scalar> Invariant<S> {
     /// The M2L operators at `level` and the factor to take them by.
     pub(crate) fn transfers(&self, level: usize, half_width: S::Real) -> (&Transfers<S>, S::Real) {
         let operators = self.level(level);
-        let transfers = self.extended[self.index(level)].as_ref();
+        let transfers = self.extended[self.index(level)].as_deref();
         let scale = match self.degree {
             Some(degree) => half_width.as_f64().powf(degree),
             None => 1.0,
@@ -267,26 +302,54 @@ impl<S: Scalar> Invariant<S> {
     }
 }
 
-/// Stored operators, or new ones.
+/// Former operators that still serve, or stored ones, or new ones; and for how many levels they were built.
 fn operators<S: Scalar>(
     (store, identity): (&OperatorStore, Identity),
     kernel: &Entries<'_, S>,
     slopes: Option<&Entries<'_, S>>,
     accuracy: Accuracy,
-    sizes: &Sizes<S::Real>,
-) -> Result<Arc<Operators<S>>, Refusal> {
+    sizes: &mut Sizes<S::Real>,
+    former: Option<&Invariant<S>>,
+) -> Result<(Arc<Operators<S>>, usize), Refusal> {
+    let levels = sizes.half_widths.len() as f64;
+    let most = match accuracy {
+        Accuracy::Tolerance(tolerance) => SAFE_SHARE * tolerance / levels.sqrt(),
+        Accuracy::Order(_) => f64::INFINITY,
+    };
+    let mut as_kept = sizes.clone();
+    let kept = former.map(|invariant| {
+        let former = Former { operators: &invariant.operators, sizes: &invariant.sizes };
+        let kept = former.keep(kernel, slopes.is_some(), most, &mut as_kept);
+        (former.whole(&kept), kept)
+    });
+    if let Some((Some(operators), _)) = &kept {
+        *sizes = as_kept;
+        return Ok((Arc::clone(operators), 0));
+    }
     let key = Key::new(identity, kernel, slopes.is_some(), accuracy, sizes);
     for (operators, known) in store.candidates::<S>(&key) {
         if known.is_none_or(|known| operators.digest(kernel, slopes, sizes) == known) {
-            return Ok(operators);
+            return Ok((operators, 0));
+        }
+    }
+    let kept = kept.map(|(_, kept)| kept).filter(|kept| {
+        matches!(accuracy, Accuracy::Tolerance(_)) && kept.missing() < kept.levels.len()
+    });
+    if let Some(kept) = kept {
+        // If they don't go together with what is new, all are.
+        if let Ok((all, _)) = Operators::new(kernel, slopes, accuracy, &as_kept, Some(&kept), false)
+        {
+            *sizes = as_kept;
+            return Ok((Arc::new(all), kept.missing()));
         }
     }
     let digested = store.needs_digest(&key);
-    let (operators, digest) = Operators::new(kernel, slopes, accuracy, sizes, digested)?;
+    let (operators, digest) = Operators::new(kernel, slopes, accuracy, sizes, None, digested)?;
     let digest = digested.then(|| operators.digest_from(digest, kernel, slopes, sizes));
     let operators = Arc::new(operators);
     store.remember(key, Arc::clone(&operators), digest);
-    Ok(operators)
+    let built = operators.levels.len();
+    Ok((operators, built))
 }
 
 /// What rounding leaves of derivatives: a value that comes from coarser levels is rounded, and differs by little

@@ -1,7 +1,7 @@
 //! What errors are relative to.
 
 use crate::expansion::geometry::{Level, Strength};
-use crate::interpolation::budget::{FEW, ONE, ROUNDED_UP, SPARE};
+use crate::interpolation::budget::{FEW, KEPT, ONE, ROUNDED_UP, SPARE};
 use crate::interpolation::means::Means;
 use crate::numbers::traits::Real;
 
@@ -95,6 +95,22 @@ impl Scale {
         }
     }
 
+    /// How many times as large errors are that were measured relative to this scale, relative to another one for which
+    /// they were measured likewise; none if they were not, or are much smaller than that asks for. What comes from
+    /// farther than the interaction list is another matter.
+    pub(crate) fn against(&self, other: &Self) -> Option<f64> {
+        let is_measured = (self.corners || !other.corners) && (self.nearest || !other.nearest);
+        let factor = self.size / other.size;
+        (is_measured && KEPT * factor >= 1.0).then_some(factor)
+    }
+
+    /// The scale of errors that were measured for this one and meet another, with what comes from farther counted as
+    /// much as either does.
+    pub(crate) fn meeting(self, other: Self) -> Self {
+        let (size, shells) = (self.size.min(other.size), self.shells.max(other.shells));
+        Self { size, shells, ..self }
+    }
+
     /// What operators of that scale are recognised by.
     pub(crate) fn key(&self) -> (u64, [bool; 2], u64) {
         (self.size.to_bits(), [self.corners, self.nearest], self.shells.to_bits())
@@ -142,6 +158,19 @@ mod tests {
     fn what_passes_through_from_farther_counts_more() {
         assert_eq!(scale(64.0, 8.0, 8.0).shells, 1.0);
         assert_eq!(scale(64.0, 8.0, 2.0).shells, 4.0);
+    }
+
+    #[test]
+    fn errors_are_held_against_other_scales() {
+        let against = |own: (f64, f64), other: (f64, f64)| {
+            let [own, other] = [own, other].map(|(cells, size)| scale(cells, size, size));
+            own.against(&other)
+        };
+        assert_eq!(against((64.0, 8.0), (64.0, 8.0)), Some(1.0));
+        assert_eq!(against((64.0, 8.0), (64.0, 4.0)), Some(2.0));
+        assert_eq!(against((64.0, 8.0), (64.0, 32.0)), Some(0.25));
+        assert_eq!(against((64.0, 8.0), (64.0, 64.0)), None, "finer than it need be");
+        assert_eq!(against((64.0, 8.0), (1.0, 8.0)), None, "corners count");
     }
 
     #[test]

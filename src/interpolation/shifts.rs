@@ -23,7 +23,7 @@ impl<K: Kernel> Interpolation<K> {
         to: &mut [K::Entry],
     ) {
         let octant = child.octant();
-        match &self.prepared {
+        match &*self.prepared {
             Prepared::Everywhere(everywhere) => {
                 let mut shifted = from.to_vec();
                 everywhere.rule.shift(octant, down, &mut shifted);
@@ -47,7 +47,7 @@ impl<K: Kernel> Interpolation<K> {
         from: &[K::Entry],
         to: &mut [K::Entry],
     ) {
-        let Prepared::Invariant(invariant) = &self.prepared else {
+        let Prepared::Invariant(invariant) = &*self.prepared else {
             let len = self.multipole_len(families.level + 1);
             return families.for_each_parent(to, |_, c, to| {
                 self.shift(&families.children[c], false, &from[c * len..][..len], to);
@@ -83,7 +83,7 @@ impl<K: Kernel> Interpolation<K> {
         to: &mut [K::Entry],
     ) {
         let lens = [self.local_len(families.level), self.local_len(families.level + 1)];
-        let Prepared::Invariant(invariant) = &self.prepared else {
+        let Prepared::Invariant(invariant) = &*self.prepared else {
             return families.for_each_child(to, |p, c, to| {
                 let from = &from[p * lens[0]..][..lens[0]];
                 self.shift(&families.children[c], true, from, to);

@@ -124,6 +124,16 @@ impl<A: Stored> Stored for Vec<A> {
     }
 }
 
+impl<A: Stored> Stored for Arc<A> {
+    fn store(&self, to: &mut Sink<'_>) {
+        (**self).store(to);
+    }
+
+    fn restore(from: &mut &[u8]) -> Option<Self> {
+        A::restore(from).map(Self::new)
+    }
+}
+
 impl<A: Stored, const N: usize> Stored for [A; N] {
     fn store(&self, to: &mut Sink<'_>) {
         self.iter().for_each(|one| one.store(to));

@@ -11,7 +11,7 @@ impl<T: Real> Cube<T> {
     /// # Errors
     /// [`Error::ExtentTooLarge`] if distances between them overflow.
     pub fn around_box(low: [T; 3], high: [T; 3]) -> Result<Self, Error> {
-        Bounds { low, high }.root_cube()
+        Bounds { low, high }.root_cube(None)
     }
 }
 
@@ -71,7 +71,9 @@ impl<T: Real> Bounds<T> {
     /// The root cube of everything in the box: around its centre, but for directions in which it is thin. What is
     /// thin would lie along the borders of cells on every level, and most cells would be divided for nothing; a
     /// third of the way through the root it lies a third of the way through each cell, from one side or the other.
-    pub(crate) fn root_cube(&self) -> Result<Cube<T>, Error> {
+    ///
+    /// With a `unit`, the half-width is that times a power of two, as far as the range of numbers allows.
+    pub(crate) fn root_cube(&self, unit: Option<T>) -> Result<Cube<T>, Error> {
         let Self { low, high } = self;
         if low[0] > high[0] {
             return Ok(Cube::new(Point::<T>::default(), T::from_f64(1.0)));
@@ -86,6 +88,7 @@ impl<T: Real> Bounds<T> {
             let extent = (0..3).map(|k| high[k].as_f64() - low[k].as_f64()).fold(0.0, f64::max);
             return Err(Error::ExtentTooLarge { extent, limit: 2.0 * limit.as_f64() });
         }
+        let half_width = unit.and_then(|unit| in_units(half_width, unit)).unwrap_or(half_width);
         let aside = half_width / T::from_f64(3.0);
         let centre = std::array::from_fn(|k| {
             let is_thin = extents[k] < half_width * T::from_f64(THIN);
@@ -121,6 +124,17 @@ impl<T: Real> Bounds<T> {
     }
 }
 
+/// The smallest number that is no less than `half_width` and differs from `unit` by a power of two, if both are
+/// ordinary numbers.
+fn in_units<T: Real>(half_width: T, unit: T) -> Option<T> {
+    let exponent = (half_width.as_f64() / unit.as_f64()).log2().ceil();
+    let found = T::from_f64(unit.as_f64() * exponent.exp2());
+    // The quotient may have been rounded down to a power of two.
+    let found = if found < half_width { found + found } else { found };
+    let least = T::min_positive_value() * T::from_f64(UNITS_FROM_ZERO);
+    (found >= least && found <= largest_half_width()).then_some(found)
+}
+
 /// The half-width up to which no sum of a few coordinates overflows.
 fn largest_half_width<T: Real>() -> T {
     T::max_value() * T::from_f64(0.125)
@@ -128,6 +142,9 @@ fn largest_half_width<T: Real>() -> T {
 
 /// Points per task of a sweep over all of them.
 const CHUNK: usize = 4096;
+
+/// Half-widths that are given in units are so many of the smallest normal numbers or more: smaller ones are raised.
+const UNITS_FROM_ZERO: f64 = (1u64 << 32) as f64;
 
 /// Up to which share of the longest extent another one is thin.
 const THIN: f64 = 1.0 / 16.0;
@@ -142,7 +159,7 @@ mod tests {
     fn an_extent_that_overflows_is_refused() {
         let points = [DVec3::X * 1e308, DVec3::X * -1e308];
         let bounds = Bounds::new(PointSet::Sources, &points).unwrap();
-        assert!(matches!(bounds.root_cube(), Err(Error::ExtentTooLarge { .. })));
+        assert!(matches!(bounds.root_cube(None), Err(Error::ExtentTooLarge { .. })));
     }
 
     #[test]
@@ -153,7 +170,7 @@ mod tests {
                 .map(|p| p + DVec3::Z * z)
                 .collect();
             let bounds = Bounds::new(PointSet::Sources, &points).unwrap();
-            let root = bounds.root_cube().unwrap();
+            let root = bounds.root_cube(None).unwrap();
             for p in &points {
                 let place = root.locate(*p);
                 for level in 1..8 {

@@ -7,20 +7,22 @@ use crate::octree::geometry::Cube;
 
 /// The root cube of sources and targets within `bounds`. Where most of them lie together and the others make
 /// the bounds much larger, the root cube of those that lie together is a cell: whatever is far away, they are
-/// divided as they are alone. O(N), and O(1) for all other clouds.
+/// divided as they are alone. O(N), and O(1) for all other clouds. With a `unit`, cells have that half-width times
+/// powers of two.
 pub(crate) fn root_cube<S: Located, X: Located<Real = S::Real>>(
     bounds: &Bounds<S::Real>,
     sources: &[S],
     targets: &[X],
+    unit: Option<S::Real>,
 ) -> Result<Cube<S::Real>, Error> {
-    let root = bounds.root_cube()?;
+    let root = bounds.root_cube(unit)?;
     let Some(most) = Most::new(sources, targets) else { return Ok(root) };
     let reach = REACH * most.distance;
     if reach == 0.0 || root.half_width().as_f64() <= ALONE * reach {
         return Ok(root);
     }
     let near = |p: Point<S::Real>| most.distance_to(p.to_array().map(Real::as_f64)) <= reach;
-    let together = Bounds::of(sources, &near).join(Bounds::of(targets, &near)).root_cube()?;
+    let together = Bounds::of(sources, &near).join(Bounds::of(targets, &near)).root_cube(unit)?;
     Ok(bounds.root_cube_around(&together).unwrap_or(root))
 }
 
@@ -98,24 +100,24 @@ mod tests {
         near.push(DVec3::splat(1e3));
         for points in [cloud(1000), halo, near, vec![DVec3::ONE; 9], vec![], cloud(2)] {
             let bounds = bounds(&points);
-            let root = root_cube(&bounds, &points, &points).unwrap();
-            assert_eq!(root, bounds.root_cube().unwrap());
+            let root = root_cube(&bounds, &points, &points, None).unwrap();
+            assert_eq!(root, bounds.root_cube(None).unwrap());
         }
     }
 
     #[test]
     fn a_cloud_is_divided_as_if_nothing_were_far_away() {
         let points = cloud(3000);
-        let alone = bounds(&points).root_cube().unwrap();
+        let alone = bounds(&points).root_cube(None).unwrap();
         let cells = Tree::new(&alone, &points, 10, &Watch::default()).unwrap().cells.len();
         for extents in [1e5, 1e9, 1e13] {
             for away in [DVec3::new(0.7, 0.9, 0.3), DVec3::new(-0.7, 0.1, -1.0), -DVec3::Y] {
                 let mut all = points.clone();
                 all.extend([away * extents, -0.3 * away * extents]);
                 let bounds = bounds(&all);
-                let root = root_cube(&bounds, &all, &[] as &[DVec3]).unwrap();
+                let root = root_cube(&bounds, &all, &[] as &[DVec3], None).unwrap();
                 // The same, whichever set has the escapers.
-                assert_eq!(root, root_cube(&bounds, &points, &all).unwrap());
+                assert_eq!(root, root_cube(&bounds, &points, &all, None).unwrap());
                 let levels = (root.half_width() / alone.half_width()).log2();
                 assert!(levels.fract() == 0.0 && levels <= extents.log2().ceil() + 2.0);
                 let inside =

@@ -103,7 +103,7 @@ mod tests {
     use glam::{DVec3, Vec3};
 
     fn root<P: Located>(points: &[P]) -> Cube<P::Real> {
-        Bounds::new(PointSet::Sources, points).unwrap().root_cube().unwrap()
+        Bounds::new(PointSet::Sources, points).unwrap().root_cube(None).unwrap()
     }
 
     fn build(points: &[DVec3], leaf_size: usize) -> Tree<f64> {

@@ -26,16 +26,17 @@ pub(crate) struct Trees<S: Located, X: Located<Real = S::Real>> {
 
 impl<S: Located, X: Located<Real = S::Real>> Trees<S, X> {
     /// Sorts the points into cells of at most as many points as `leaf_size` says, which is asked once
-    /// the points are known to be finite.
+    /// the points are known to be finite. With a `unit`, cells have that half-width times powers of two.
     pub(crate) fn new(
         sources: &[S],
         targets: &[X],
         leaf_size: &dyn Fn() -> usize,
+        unit: Option<S::Real>,
         watch: &Watch,
     ) -> Result<Self, Error> {
         let bounds = Bounds::new(PointSet::Sources, sources)?;
         let bounds = bounds.join(Bounds::new(PointSet::Targets, targets)?);
-        let root = root_cube(&bounds, sources, targets)?;
+        let root = root_cube(&bounds, sources, targets, unit)?;
         let leaf_size = leaf_size();
         if leaf_size == 0 {
             return Err(Error::InvalidLeafSize);

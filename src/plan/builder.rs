@@ -13,7 +13,7 @@ use crate::interpolation::store::OperatorStore;
 use crate::kernel::mask::{Coverage, Mask, Unmasked};
 use crate::kernel::ordinary::check_range;
 use crate::kernel::traits::Kernel;
-use crate::numbers::traits::{Located, Point};
+use crate::numbers::traits::{Located, Point, Real};
 use crate::octree::trees::Trees;
 use crate::parallel::watch::{Phase, Progress, Watch};
 use crate::plan::choice::{Candidate, cheapest, correct, direct_unless_halved};
@@ -312,7 +312,9 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
                 _ => true,
             };
             if right {
-                return Ok(Fmm::new(plan, guard, times, estimate, fallback));
+                let half_width = plan.root.half_width().as_f64();
+                let choices = self.choices.kept(half_width);
+                return Ok(Fmm::new(plan, choices, guard, times, estimate, fallback));
             }
             (self.expansion, trees) = plan.into_parts();
         }

@@ -8,6 +8,7 @@ use crate::interaction::cell_mask::{CellMask, PointMask, TreePoints};
 use crate::interaction::traversal::{Far, Traversal};
 use crate::kernel::mask::Mask;
 use crate::kernel::traits::Kernel;
+use crate::numbers::traits::Real;
 use crate::octree::trees::Trees;
 use crate::plan::Scheme;
 use crate::plan::builder::Builder;
@@ -85,7 +86,8 @@ impl<E: Expansion, M: Mask<E::Kernel>> Builder<'_, E, M> {
     ) -> Result<Trees<SourceOf<E>, TargetOf<E>>, Error> {
         let best = || self.costs().leaf_size(self.seconds_of_a_pair(sources, targets));
         let leaf_size = || self.choices.leaf_size.unwrap_or_else(best);
-        Trees::new(sources, targets, &leaf_size, &self.choices.watch)
+        let unit = self.choices.unit.map(Real::from_f64);
+        Trees::new(sources, targets, &leaf_size, unit, &self.choices.watch)
     }
 
     /// What is known of costs before the expansion is prepared.

@@ -19,6 +19,7 @@ pub(crate) enum Pace {
 }
 
 /// What is chosen besides expansion and mask.
+#[derive(Clone)]
 pub(crate) struct Choices<'a> {
     pub(crate) scheme: Option<Scheme>,
     pub(crate) leaf_size: Option<usize>,
@@ -28,6 +29,8 @@ pub(crate) struct Choices<'a> {
     pub(crate) memory_budget: Option<usize>,
     pub(crate) progress: Option<&'a (dyn Fn(Progress) + Sync)>,
     pub(crate) watch: Watch,
+    /// Half the edge of a cell whose sizes operators are at hand for: cells are to have that times powers of two.
+    pub(crate) unit: Option<f64>,
 }
 
 impl Default for Choices<'_> {
@@ -41,11 +44,17 @@ impl Default for Choices<'_> {
             memory_budget: None,
             progress: None,
             watch: Watch::default(),
+            unit: None,
         }
     }
 }
 
 impl Choices<'_> {
+    /// The same for a plan that takes the place of one with that root, whose progress nobody is told.
+    pub(crate) fn kept(self, half_width: f64) -> Choices<'static> {
+        Choices { progress: None, unit: self.unit.or(Some(half_width)), ..self }
+    }
+
     /// Refuses a time of a pair that is none.
     ///
     /// # Errors

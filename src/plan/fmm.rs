@@ -10,6 +10,7 @@ use crate::numbers::traits::Numbers;
 use crate::parallel;
 use crate::parallel::watch::Watch;
 use crate::plan::Plan;
+use crate::plan::choices::Choices;
 use crate::plan::estimate::Estimate;
 use crate::plan::guard::Guard;
 use crate::plan::ready::Ready;
@@ -40,6 +41,8 @@ use crate::plan::tuning::CHECK_CHUNK;
 pub struct Fmm<E: Expansion> {
     /// For charges of like size everywhere.
     pub(crate) usual: Arc<Ready<E>>,
+    /// What was chosen for it, and is for plans that take its place.
+    pub(crate) choices: Choices<'static>,
     /// What sees to others, where they make a difference.
     pub(crate) guard: Option<Guard<E>>,
     pub(crate) stats: Stats,
@@ -50,13 +53,14 @@ pub struct Fmm<E: Expansion> {
 impl<E: Expansion> Fmm<E> {
     pub(crate) fn new(
         plan: Plan<E>,
+        choices: Choices<'static>,
         guard: Option<Guard<E>>,
         build_times: BuildTimes,
         estimate: Option<Estimate>,
         fallback: Option<String>,
     ) -> Self {
         let stats = Stats { fallback, ..stats(&plan) };
-        Self { usual: Arc::new(Ready::new(plan)), guard, stats, build_times, estimate }
+        Self { usual: Arc::new(Ready::new(plan)), choices, guard, stats, build_times, estimate }
     }
 
     /// The sums u_i = Σ_j K(x_i, y_j) q_j at all targets, in the caller's order. O(N).

@@ -22,6 +22,7 @@ pub(crate) mod stats;
 pub(crate) mod times;
 pub(crate) mod trial;
 pub(crate) mod tuning;
+pub(crate) mod update;
 pub(crate) mod upward;
 
 use std::fmt;

@@ -11,6 +11,7 @@ mod kernels;
 mod lists;
 mod masks;
 mod moments;
+mod moving;
 mod operator_store;
 mod radiosity;
 mod sizes;
