@@ -204,10 +204,11 @@ impl Warning {
     /// average, and rows of form factors are off by so much: at each reflection light is made or lost.
     pub(crate) fn of_level(reflections: f64, row_error: f64) -> Option<Self> {
         let off = reflections * row_error;
+        let by =
+            if off < 1.0 { format!("{:.0} %", 100.0 * off) } else { "100 % or more".to_owned() };
         let message = format!(
             "light is reflected {reflections:.1} times before it is absorbed or leaves, and form factors are off by \
-             {row_error:.1e} each time: all of it may be off by {:.0} %; more elements do better",
-            100.0 * off
+             {row_error:.1e} each time: all of it may be off by {by}; more elements do better"
         );
         (off > LEVEL).then(|| Self::new(WarningKind::Level, message))
     }
@@ -313,6 +314,8 @@ mod tests {
         assert_eq!(Warning::of_level(1000.0, 1e-5), None);
         let said = Warning::of_level(50.0, 0.003).expect("too many").to_string();
         assert!(said.contains("reflected 50.0 times") && said.contains("off by 15 %"), "{said}");
+        let said = Warning::of_level(1e4, 0.003).expect("too many").to_string();
+        assert!(said.contains("off by 100 % or more"), "{said}");
     }
 
     #[test]
