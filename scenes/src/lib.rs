@@ -42,6 +42,7 @@ pub use formats::view3d::{View3d, View3dRole, View3dSurface};
 pub use generators::{GENERATORS, generate};
 pub use output::files::{Output, OutputError, png_uri, write_file};
 pub use output::page::Page;
+pub use output::replacing::is_same_file;
 pub use output::table::Table;
 pub use pictures::colours::Colours;
 pub use pictures::lamps::direct_light_by_pixel;

@@ -1,7 +1,7 @@
 //! How much two surfaces exchange past everything that stands between them.
 
 use farfield::glam::DVec3;
-use farfield_radiosity::{Occluders, Patch, Segment};
+use farfield_radiosity::{Element, Occluders, Patch, Segment};
 
 /// One side of a surface.
 #[derive(Clone, Debug)]
@@ -15,11 +15,15 @@ pub(crate) struct Side {
 /// A_1 F_12 = A_2 F_21 of two sides as they see each other, so that either form factor is off by about
 /// `tolerance` at most.
 ///
-/// Two pieces of which no ray is blocked exchange what contour integrals say, and nothing if all rays are blocked.
+/// Two pieces between which there is nothing exchange what contour integrals say, however small the tolerance. So do two
+/// of which no ray is blocked, and they exchange nothing if all rays are blocked.
 /// Others are cut, the larger one in four, until what their rays leave open is too little to count.
 pub(crate) fn exchange(sides: [&Side; 2], occluders: &Occluders, tolerance: f64) -> f64 {
     let [a, b] = sides.map(|side| side.patch);
     let whole = a.exchange(&b);
+    if is_clear([a, b], sides, occluders) {
+        return whole;
+    }
     let area = a.area().min(b.area());
     if whole <= NOTHING * tolerance * area {
         return whole * share([&a, &b], sides, occluders, 1, 0);
@@ -65,6 +69,9 @@ fn refine(
     if whole <= limit || depth == MOST_CUTS {
         return share * whole;
     }
+    if share == 1.0 && is_clear(pieces, sides, occluders) {
+        return whole;
+    }
     let larger = usize::from(b.area() > a.area());
     let quarters = quarters(&pieces[larger]).into_iter().enumerate();
     let parts = quarters.map(|(k, quarter)| {
@@ -75,6 +82,12 @@ fn refine(
         refine(pieces, whole, sides, occluders, limits, [depth + 1, number])
     });
     parts.sum()
+}
+
+/// Whether certainly nothing stands between two pieces.
+fn is_clear(pieces: [Patch; 2], sides: [&Side; 2], occluders: &Occluders) -> bool {
+    let element = |k: usize| Element::patch(pieces[k], sides[k].face);
+    occluders.are_clear([&element(0), &element(1)])
 }
 
 /// The share of what two pieces exchange that is not blocked, by some rays, each counting as much as it carries;
@@ -186,6 +199,20 @@ mod tests {
                 let found = exchange(sides, &occluders, TOLERANCE);
                 assert!((found - expected).abs() < TOLERANCE, "{edge}: {found} {expected}");
             }
+        }
+    }
+
+    #[test]
+    fn what_nothing_hides_is_exact_whatever_the_tolerance() {
+        let open = 0.199_824_895_698_387_38;
+        let ([low, high], _) = pair(0.5);
+        // Out of the way.
+        let beside = [[1.2, 0.0, 0.5], [1.3, 0.0, 0.5], [1.2, 1.0, 0.5]].map(DVec3::from_array);
+        let beside = [Triangle { vertices: beside, face: 2 }];
+        for triangles in [&beside[..0], &beside] {
+            let occluders = Occluders::new(triangles).expect("finite");
+            let found = exchange([&low, &high], &occluders, 1e-14);
+            assert!((found - open).abs() < 1e-14, "{found}");
         }
     }
 

@@ -10,6 +10,7 @@ mod table;
 pub(crate) use args::Args;
 
 use std::ffi::OsStr;
+use std::io::{self, Write};
 use std::path::Path;
 use std::process::ExitCode;
 
@@ -78,6 +79,9 @@ fn factors(args: &Args) -> Result<(Matrix, [u32; 3]), Failure> {
         SceneError::Empty => Failure::NoSurfaces(args.scene.clone()),
         error => Failure::Scene(error),
     })?;
+    if let Some(what) = scene.overlaps() {
+        drop(writeln!(io::stderr(), "farfield factors: warning: {what}"));
+    }
     // Surfaces of meshes have no names of their own.
     let default = if args.between.is_empty() { By::Surface } else { By::Material };
     let by = args.by.unwrap_or(default);

@@ -52,6 +52,26 @@ pub(crate) fn energy_residual<const BANDS: usize>(
     Ok(balance.residual().into_iter().map(f64::abs).fold(0.0, f64::max))
 }
 
+/// How often light is reflected, on average, in parts that lose some of it, in the worst band: Σ A ρ H / Σ A E over
+/// the elements that belong to no closed part.
+pub(crate) fn reflections<const BANDS: usize>(
+    surfels: &[Surfel],
+    optics: &Optics<BANDS>,
+    irradiance: &[[f64; BANDS]],
+    parts: &[Option<u32>],
+) -> f64 {
+    let sum = |value: &dyn Fn(usize) -> f64| -> f64 {
+        let open = (0..surfels.len()).filter(|&i| parts[i].is_none());
+        open.map(|i| surfels[i].area * value(i)).sum()
+    };
+    let of = |band: usize| {
+        let emitted = sum(&|i| optics.emission[i][band]);
+        let reflected = sum(&|i| optics.reflectance[i][band] * irradiance[i][band]);
+        if emitted > 0.0 { reflected / emitted } else { 0.0 }
+    };
+    (0..BANDS).map(of).fold(0.0, f64::max)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -20,6 +20,19 @@ use super::{exr, factors, npy};
 use crate::interrupt::Interrupt;
 use crate::progress::Progress;
 
+/// All files that a run may write to its folder.
+pub(super) const FILES: [&str; 10] = [
+    "radiosity.png",
+    "radiosity.exr",
+    "elements.ply",
+    "elements.glb",
+    "elements.vtu",
+    "elements.csv",
+    "elements.npy",
+    "scene.html",
+    "report.json",
+    "report.html",
+];
 /// What a table of form factors may leave out of each row, in units of the tolerance.
 const LISTED: f64 = 1e-2;
 /// Elements that a page may have to be shown by a browser without delay.

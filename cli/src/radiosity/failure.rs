@@ -1,5 +1,7 @@
 //! Why `farfield radiosity` fails.
 
+use std::path::PathBuf;
+
 use farfield_scenes::{OutputError, SceneError};
 
 use super::warning::Warning;
@@ -19,6 +21,8 @@ pub(crate) enum Failure {
     Unweighed,
     #[error("{0}; form factors alone come by `--form-factors FILE`")]
     Dark(Warning),
+    #[error("--form-factors {}: expected a name that no other file of the run has", _0.display())]
+    Taken(PathBuf),
     #[error("{}; nothing was written (--strict)", sentences(warnings))]
     Strict { warnings: Vec<Warning> },
     #[error(

@@ -9,6 +9,7 @@
 mod args;
 mod balance;
 mod check;
+mod closing;
 mod delivery;
 mod exr;
 mod factors;

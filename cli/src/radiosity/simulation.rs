@@ -3,17 +3,17 @@
 use std::cell::Cell;
 use std::io::{self, Write};
 
-use farfield_radiosity::{
-    Closure, Error, Occluders, RadiosityOperator, Surfel, Surroundings, Visibility,
-};
+use farfield_radiosity::{Error, Occluders, RadiosityOperator, Surfel, Surroundings, Visibility};
 use farfield_scenes::{
     Cuts, Fields, Mesh, Optics, Output, Refinement, Scene, Sight, direct_light_by_pixel, even_cuts,
+    is_same_file,
 };
 
 use super::args::{Args, ExpansionName, QuantityName, SchemeName, SolverName, VisibilityName};
-use super::balance::{RowSums, energy_residual};
+use super::balance::{RowSums, energy_residual, reflections};
 use super::check::Check;
-use super::delivery::{Solved, deliver, write_factors};
+use super::closing;
+use super::delivery::{FILES, Solved, deliver, write_factors};
 use super::failure::Failure;
 use super::figures::Figures;
 use super::gather::{Ending, Gather, Method};
@@ -26,8 +26,6 @@ use crate::progress::Progress;
 
 /// Elements at which the gathered light is held against direct summation.
 const SAMPLES: usize = 1000;
-/// The most that a form factor may have to change for a row to sum to 1.
-const MOST_CLOSURE: f64 = 0.5;
 /// Rays in all that tell where the light of elements goes, and from each element at least and at most.
 const ALL_RAYS: usize = 1 << 18;
 const LEAST_RAYS: usize = 4;
@@ -65,6 +63,9 @@ pub(crate) fn run<const BANDS: usize>(
     }
     if let Some(path) = &args.form_factors {
         output.check(path)?;
+        if FILES.iter().any(|name| is_same_file(path, &args.out.join(name))) {
+            return Err(Failure::Taken(path.clone()));
+        }
     }
     let progress = Progress::new(args.quiet);
     let tolerance = args.sum_tolerance();
@@ -193,15 +194,9 @@ impl Run<'_> {
         let passes = args.visibility == VisibilityName::None;
         (!passes).then(|| operator.leave_out(around.buried())).transpose()?;
         let row_sums = operator.row_sums()?;
-        let parts =
-            if scene.closed { around.closed_parts().to_vec() } else { vec![None; elements.len()] };
         let row_error = around.row_error(&row_sums);
-        // Light that passes through everything closes nothing.
-        let closure = if passes {
-            Closure::default()
-        } else {
-            operator.close_parts(parts.clone(), MOST_CLOSURE).map_err(|error| self.placed(error))?
-        };
+        let closed = closing::close(&mut operator, scene, &around, passes);
+        let (parts, closure) = closed.map_err(|error| self.placed(error))?;
         let closed_sums = operator.row_sums()?;
         let reciprocity_error = operator.reciprocity_error()?;
         drop(bar);
@@ -233,7 +228,7 @@ impl Run<'_> {
             check.get_or_insert(found);
             Ok::<_, Error>(())
         };
-        let mut negative = Negative::default();
+        let (mut negative, mut bounces) = (Negative::default(), 0.0f64);
         interrupt.hold(true);
         if is_dark {
             checked(&vec![[1.0; BANDS]; count])?;
@@ -245,6 +240,7 @@ impl Run<'_> {
             if !solution.interrupted {
                 negative.take(&mut solution.irradiance, &surfels, tolerance)?;
             }
+            bounces = bounces.max(reflections(&surfels, &optics, &solution.irradiance, &parts));
             iterations += solution.iterations;
             interrupted |= solution.interrupted;
             residual = residual.max(solution.residual);
@@ -325,6 +321,8 @@ impl Run<'_> {
             sums,
             element_error: refinement.error,
         };
+        // What passes through everything was not to be what rays say.
+        warnings.extend(Warning::of_level(bounces, row_error).filter(|_| !passes));
         let mut solved = Solved { fields, figures, indirect, warnings };
         if goes_on {
             return Ok(Outcome::TooCoarse(refinement.cuts, solved));

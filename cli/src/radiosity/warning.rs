@@ -27,12 +27,18 @@ pub(crate) enum WarningKind {
     NoTemperature,
     /// A file or a material that is named and isn't there.
     Missing,
+    /// Surfaces that lie upon each other, so that they count twice.
+    Overlap,
+    /// What may have been meant otherwise.
+    Ambiguous,
     /// The scene has more surfaces than elements were asked for.
     FewElements,
     /// A scene that is said to be closed, and that light leaves.
     Leak,
     /// Rows of form factors that had to change by more than a few per cent.
     Closure,
+    /// Light that bounces about so often that errors of form factors add up.
+    Level,
     /// Elements of a closed room that exchange nothing.
     DarkRow,
     /// Lamps that lie within bodies, or between bodies that touch.
@@ -45,6 +51,8 @@ pub(crate) enum WarningKind {
 const LEAK: f64 = 1e-3;
 /// The change of form factors by closing that goes without saying.
 const CLOSURE: f64 = 0.05;
+/// The error of all light together that goes without saying.
+const LEVEL: f64 = 0.05;
 /// Rows of a closed room that sum to less exchange nothing.
 const DARK: f64 = 0.01;
 
@@ -98,6 +106,9 @@ impl Warning {
         }
         let missing = scene.missing.iter();
         warnings.extend(missing.map(|what| Self::new(WarningKind::Missing, what.clone())));
+        let doubts = scene.doubts.iter();
+        warnings.extend(doubts.map(|what| Self::new(WarningKind::Ambiguous, what.clone())));
+        warnings.extend(scene.overlaps().map(|what| Self::new(WarningKind::Overlap, what)));
         let asked = args.element_count();
         if found > asked {
             let enough = fewest_elements(scene)?;
@@ -187,6 +198,19 @@ impl Warning {
             }
         }
         warnings
+    }
+
+    /// That it isn't known well how bright parts are that light leaves, where it is reflected so many times before, on
+    /// average, and rows of form factors are off by so much: at each reflection light is made or lost.
+    pub(crate) fn of_level(reflections: f64, row_error: f64) -> Option<Self> {
+        let off = reflections * row_error;
+        let by =
+            if off < 1.0 { format!("{:.0} %", 100.0 * off) } else { "100 % or more".to_owned() };
+        let message = format!(
+            "light is reflected {reflections:.1} times before it is absorbed or leaves, and form factors are off by \
+             {row_error:.1e} each time: all of it may be off by {by}; more elements do better"
+        );
+        (off > LEVEL).then(|| Self::new(WarningKind::Level, message))
     }
 
     /// That elements are too large for a tolerance, if they are: by their error, if it is known.
@@ -282,6 +306,16 @@ mod tests {
         assert_eq!(found.len(), 1);
         assert_eq!(found[0].0, WarningKind::BuriedLamp);
         assert!(found[0].1.contains(": 1 elements") && found[0].1.contains(&whose(count / 3)));
+    }
+
+    #[test]
+    fn many_reflections_by_factors_that_are_off_are_warned_of() {
+        assert_eq!(Warning::of_level(4.0, 0.01), None);
+        assert_eq!(Warning::of_level(1000.0, 1e-5), None);
+        let said = Warning::of_level(50.0, 0.003).expect("too many").to_string();
+        assert!(said.contains("reflected 50.0 times") && said.contains("off by 15 %"), "{said}");
+        let said = Warning::of_level(1e4, 0.003).expect("too many").to_string();
+        assert!(said.contains("off by 100 % or more"), "{said}");
     }
 
     #[test]

@@ -16,6 +16,9 @@ pub(crate) enum Failure {
     /// An output file can't be written.
     #[error(transparent)]
     Write(#[from] WriteError),
+    /// Values and report would have one name.
+    #[error("--out and --report: expected two files, found {} for both", _0.display())]
+    SameFile(PathBuf),
     /// The engine refuses the input.
     #[error(transparent)]
     Engine(#[from] farfield::Error),

@@ -142,7 +142,7 @@ fn csv<T: Real>(file: File, columns: usize) -> Result<Vec<T>, Problem> {
         if cells.len() != columns {
             return Err(Problem::Columns { line, found: cells.len(), expected: columns });
         }
-        let is_header = first && cells.iter().all(|cell| cell.parse::<f64>().is_err());
+        let is_header = first && cells.iter().all(|cell| is_name(cell));
         first = false;
         if is_header {
             continue;
@@ -158,6 +158,12 @@ fn csv<T: Real>(file: File, columns: usize) -> Result<Vec<T>, Problem> {
         }
     }
     Ok(values)
+}
+
+/// Whether a cell may name a column: it is no number, and doesn't begin as one that is mistyped.
+fn is_name(cell: &str) -> bool {
+    let bare = cell.trim_start_matches(['"', '\'', '+', '-', '.']);
+    cell.parse::<f64>().is_err() && !bare.starts_with(|c: char| c.is_ascii_digit())
 }
 
 /// `x` in the precision asked for, unless it is NaN, infinite or too large for it.

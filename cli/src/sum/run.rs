@@ -12,7 +12,7 @@ use farfield_potentials::{
     Exponent, HarmonicExpansion, MinusFour, MinusOne, MinusTwo, Output, PlusTwo, Potential,
     PotentialGradient, PowerLaw, WithGradient,
 };
-use farfield_scenes::write_file;
+use farfield_scenes::{is_same_file, write_file};
 
 use super::args::{self, Args, Precision, Scheme};
 use super::error::Failure;
@@ -37,6 +37,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     }
     if let Some(path) = &args.report {
         write::check_folder(path)?;
+        if args.out.as_ref().is_some_and(|out| is_same_file(out, path)) {
+            return Err(Failure::SameFile(path.clone()));
+        }
     }
     if let Some(count) = args.threads {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(count);

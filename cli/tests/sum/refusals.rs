@@ -11,13 +11,15 @@ use super::{Folder, OWN, fail, write_points};
 fn malformed_files_are_refused_by_name_and_place() {
     let folder = Folder::new(4);
     let points = "0,0,0\n1,0,0\n0,1,0\n0,0,1\n";
-    let cases: [(&str, Vec<u8>, &[&str]); 23] = [
+    let cases: [(&str, Vec<u8>, &[&str]); 25] = [
         ("nan.csv", points.replace("0,1,0", "0,nan,0").into(), &["line 3, column 2", "finite"]),
         ("infinite.csv", points.replace("1,0,0", "1,0,inf").into(), &["line 2, column 3"]),
         ("word.csv", points.replace("0,0,1", "0,zero,1").into(), &["line 4, column 2", "zero"]),
         ("blank.csv", points.replace("1,0,0", "\n\n1,,0").into(), &["line 4, column 2"]),
         ("windows.csv", points.replace('\n', "\r\n").replace("1,0,0", "1,x,0").into(), &["line 2"]),
         ("unended.csv", format!("x,y,z\n{points}0,0,e").into(), &["line 6, column 3"]),
+        ("fortran.csv", "0.5d0,1d0,1d0\n".into(), &["line 1, column 1", "0.5d0"]),
+        ("quoted.csv", "\"0.5\",\"1\",\"-.1\"\n".into(), &["line 1, column 1"]),
         ("two.csv", "x,y\n0,1\n".into(), &["line 1 has 2 columns", "expected 3"]),
         ("ragged.csv", points.replace("0,1,0", "0,1").into(), &["line 3 has 2 columns", "3"]),
         ("bytes.csv", b"0,0,0\n\xff,0,0\n".into(), &["line 2", "UTF-8"]),
@@ -94,6 +96,8 @@ fn files_that_do_not_fit_or_exist_are_refused() {
     assert!(fail(&output).contains("nowhere/values.npy"), "{output:?}");
     let output = folder.sum(&format!("{OWN} {kernel} --report nowhere/report.json"));
     assert!(fail(&output).contains("nowhere/report.json"), "{output:?}");
+    let output = folder.sum(&format!("{OWN} {kernel} --out u.csv --report ./u.csv"));
+    assert!(fail(&output).contains("--out and --report: expected two files"), "{output:?}");
     fs::create_dir(folder.path("taken.npy")).unwrap();
     let output = folder.sum(&format!("{OWN} {kernel} --out taken.npy"));
     assert!(fail(&output).contains("taken.npy"), "{output:?}");

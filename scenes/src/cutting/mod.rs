@@ -4,6 +4,8 @@ pub(crate) mod contacts;
 pub(crate) mod fields;
 pub(crate) mod mesh;
 pub(crate) mod optics;
+pub(crate) mod overlaps;
 pub(crate) mod pieces;
+pub(crate) mod polygon;
 pub(crate) mod refine;
 pub(crate) mod slopes;

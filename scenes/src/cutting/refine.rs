@@ -280,6 +280,24 @@ mod tests {
     }
 
     #[test]
+    fn slivers_count_by_their_area() {
+        // A floor in triangles from one corner, some of them thinner than any light could tell.
+        let ends = [0.0, 1e-11, 1e-9, 1e-6, 0.5, 1.0];
+        let mut scene = Scene { materials: vec![Material::grey()], ..Scene::default() };
+        for pair in ends.windows(2) {
+            scene.add(&[DVec3::X * pair[0], DVec3::X * pair[1], DVec3::Y], 0, 0);
+        }
+        let mesh = Mesh::with_cuts(&scene, &[[1, 1]; 5]).expect("a mesh");
+        let error = |first: f64| {
+            let values = [first, 2.0, 2.0, 2.0, 2.1];
+            Refinement::new(&scene, &mesh, &values, 0.1, 1000).error.expect("known")
+        };
+        let even = error(2.0);
+        assert!(even > 0.01 && even < 0.1, "{even}");
+        assert!((error(1.0) / even - 1.0).abs() < 1e-6, "{} {even}", error(1.0));
+    }
+
+    #[test]
     fn what_has_no_neighbours_is_unknown_and_cut_into_four() {
         let scene = scene();
         let mesh = Mesh::with_cuts(&scene, &[[1, 1], [1, 1]]).expect("a mesh");

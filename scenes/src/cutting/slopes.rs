@@ -25,6 +25,9 @@ const LEAST_COSINE: f64 = 0.5;
 /// of a slope follow.
 const LEAST_SCATTER: f64 = 0.05;
 
+/// How much a field changes along an edge at most, in units of what it differs by from a neighbour's.
+const MOST_CHANGE: f64 = 6.0;
+
 impl<'a> Slopes<'a> {
     /// The slopes of `values`, a field on the mesh of a scene: any number of bands per element.
     pub(crate) fn new(scene: &'a Scene, mesh: &'a Mesh, values: &'a [f64]) -> Self {
@@ -38,7 +41,8 @@ impl<'a> Slopes<'a> {
     /// neighbours.
     ///
     /// The slope is that of the linear function that fits the means of neighbours best. Where they all lie
-    /// in one direction, the field is taken to change across it as along it.
+    /// in one direction, the field is taken to change across it as along it, but along no edge by more than a few
+    /// times what neighbours differ by: those of slivers are so near that a slope is a quotient of nothings.
     pub(crate) fn squares(&self, surface: usize, own: usize) -> Option<[f64; 2]> {
         let surfel = self.mesh.elements[own].surfel();
         let (u, v) = surfel.normal.any_orthonormal_pair();
@@ -65,15 +69,18 @@ impl<'a> Slopes<'a> {
         let is_spread = scatter.determinant() > LEAST_SCATTER * half * half;
         let mut squares = [0.0; 2];
         for (band, &here) in self.value(own).iter().enumerate() {
+            let most = beyond.iter().map(|(_, mean)| (mean[band] - here).abs()).fold(0.0, f64::max);
+            let most = (MOST_CHANGE * most).powi(2);
             let rises = || beyond.iter().map(|(d, mean)| (d, (mean[band] - here) / d.length()));
             if is_spread {
                 let moment: DVec2 = rises().map(|(d, rise)| rise * unit(d)).sum();
                 let slope = scatter.inverse() * moment;
-                squares = [0, 1].map(|k| squares[k] + slope.dot(edges[k]).powi(2));
+                squares = [0, 1].map(|k| squares[k] + slope.dot(edges[k]).powi(2).min(most));
             } else {
                 let square: f64 = rises().map(|(_, rise)| rise * rise).sum();
                 let square = square / beyond.len() as f64;
-                squares = [0, 1].map(|k| squares[k] + square * edges[k].length_squared());
+                let along = |k: usize| square * edges[k].length_squared();
+                squares = [0, 1].map(|k| squares[k] + along(k).min(most));
             }
         }
         Some(squares.map(|square| surfel.area * square / 12.0))

@@ -1,6 +1,6 @@
 //! Putting together what a scene description asks for.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 use std::path::Path;
 
 use glam::{DAffine3, DQuat, DVec3};
@@ -55,6 +55,7 @@ impl<'a> Assembly<'a> {
             })?;
         }
         let scene = &mut assembly.scene;
+        scene.watertight = scene.surfaces.is_empty() || scene.closed;
         assembly.faces = scene.surfaces.iter().map(|s| s.face + 1).max().unwrap_or(0);
         assembly.first = scene.materials.len();
         scene.materials.extend(description.materials.iter().map(|(name, finish)| Material {
@@ -83,7 +84,7 @@ impl<'a> Assembly<'a> {
             self.scene.camera = Some(self.viewpoint(camera)?);
         }
         if let Some(closed) = description.closed {
-            self.scene.closed = closed;
+            (self.scene.closed, self.scene.watertight) = (closed, closed);
         }
         let units = description.units;
         if !(units > 0.0 && units.is_finite()) {
@@ -103,10 +104,16 @@ impl<'a> Assembly<'a> {
     /// Adds the quadrilaterals, in two triangles each where they are not quite flat.
     fn add_quads(&mut self, description: &Description) -> Result<(), SceneError> {
         let (first, mut numbers) = (self.scene.surfaces.len(), Vec::new());
-        let mut bent = 0;
+        let (mut bent, mut duplicate) = (0, 0);
+        let mut seen = HashSet::new();
         for (index, quad) in description.quad.iter().enumerate() {
             let material = self.named(&quad.material, &description.materials)?;
+            if !seen.insert((cycle(&quad.corners), material)) {
+                duplicate += 1;
+                continue;
+            }
             self.scene.closed &= self.scene.materials[material].two_sided;
+            self.scene.watertight &= self.scene.materials[material].two_sided;
             let pieces = flat_pieces(&quad.corners.map(DVec3::from_array));
             bent += usize::from(pieces.len() > 1);
             for piece in pieces {
@@ -117,9 +124,11 @@ impl<'a> Assembly<'a> {
         }
         let file = file_name(self.path);
         self.scene.parts.push(Part { file, kind: "quad", first, numbers });
-        if bent > 0 {
-            let what = "quads that aren't flat and convex, cut into triangles";
-            self.scene.repairs.push(format!("{what}: {bent}"));
+        for (count, what) in [
+            (duplicate, "duplicate quads, dropped"),
+            (bent, "quads that aren't flat and convex, cut into triangles"),
+        ] {
+            self.scene.repairs.extend((count > 0).then(|| format!("{what}: {count}")));
         }
         Ok(())
     }
@@ -159,6 +168,7 @@ impl<'a> Assembly<'a> {
         // Light that arrives at the back of an open sheet is lost.
         let sealed = part.points.is_empty() && is_watertight(&part.surfaces);
         self.scene.closed &= sealed || two_sided;
+        self.scene.watertight &= sealed || two_sided;
         part.vertices.iter_mut().for_each(|p| *p = place.transform_point3(*p));
         let vertices = self.scene.vertices.len() as u32;
         for surface in &mut part.surfaces {
@@ -183,6 +193,7 @@ impl<'a> Assembly<'a> {
         if mesh.material.is_none() {
             self.scene.missing.extend(part.missing.into_iter().map(named));
         }
+        self.scene.doubts.extend(part.doubts.into_iter().map(named));
         Ok(())
     }
 
@@ -248,6 +259,15 @@ impl<'a> Assembly<'a> {
     fn refusal(&self, expected: String) -> SceneError {
         SceneError::File { path: self.path.to_owned(), expected }
     }
+}
+
+/// The same corners in the same order, from the smallest on, as numbers that can be compared.
+fn cycle(corners: &[[f64; 3]; 4]) -> [[u64; 3]; 4] {
+    // Adding zero turns −0 into 0.
+    let mut corners = corners.map(|corner| corner.map(|x| (x + 0.0).to_bits()));
+    let smallest = (0..corners.len()).min_by_key(|&k| corners[k]).unwrap_or(0);
+    corners.rotate_left(smallest);
+    corners
 }
 
 /// Scales all lengths.

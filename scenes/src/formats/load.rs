@@ -20,6 +20,10 @@ pub fn load(name: &str) -> Result<Scene, SceneError> {
         None if ending(path) == DESCRIPTION => assembly::read(path)?,
         None => read_mesh(path)?,
     };
+    if scene.surfaces.is_empty() && scene.points.is_empty() && !scene.repairs.is_empty() {
+        let expected = format!("surfaces or points, found none; {}", scene.repairs.join("; "));
+        return Err(SceneError::File { path: path.to_owned(), expected });
+    }
     scene.check()?;
     Ok(scene)
 }
@@ -41,6 +45,10 @@ mod tests {
         fs::write(&path, "OFF\n3 0 0\n0 0 0\n1 0 0\n0 1 0\n").expect("written");
         let error = load(&path.to_string_lossy()).expect_err("nothing there");
         assert!(matches!(error, SceneError::Empty));
+        fs::write(&path, "OFF\n3 1 0\n0 0 0\n1 0 0\n2 0 0\n3 0 1 2\n").expect("written");
+        let message = load(&path.to_string_lossy()).expect_err("flat").to_string();
+        let dropped = "expected surfaces or points, found none; faces without area, dropped: 1";
+        assert!(message.ends_with(dropped), "{message}");
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Materials from the MTL files that OBJ files name.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use crate::formats::text::{Line, Lines, read_text};
@@ -23,6 +23,8 @@ struct Entry {
     material: Material,
     /// Whether some of its reflectance was 1.
     is_white: bool,
+    /// What of it is not read, one sentence each.
+    unread: BTreeSet<&'static str>,
 }
 
 /// The most that a material reflects where a file says that it reflects everything.
@@ -52,7 +54,9 @@ impl Library {
             let alike = self.materials.iter().find(|(known, _)| bare(known) == name);
             alike.map(|(_, entry)| entry)
         });
-        if let Some(Entry { material, is_white }) = entry {
+        if let Some(Entry { material, is_white, unread }) = entry {
+            let note = |what: &&str| format!("material `{name}`: {what}");
+            self.missing.extend(unread.iter().map(note));
             if *is_white {
                 let what = "reflects everything, taken for 0.999";
                 self.repairs.push(format!("material `{name}` {what}"));
@@ -76,7 +80,8 @@ impl Library {
                 ("newmtl", _) => {
                     self.materials.extend(current);
                     let name = line.words[1..].join(" ");
-                    let entry = Entry { material: Material::grey(), is_white: false };
+                    let (material, unread) = (Material::grey(), BTreeSet::new());
+                    let entry = Entry { material, is_white: false, unread };
                     current = Some((name, entry));
                 }
                 ("Kd", Some((_, entry))) => {
@@ -86,13 +91,34 @@ impl Library {
                     entry.material.reflectance = values.to_vec();
                 }
                 ("Ke", Some((_, entry))) => entry.material.emission = colour(&line)?.to_vec(),
-                _ => (),
+                (word, Some((_, entry))) => entry.unread.extend(unread(word, &line)),
+                (_, None) => (),
             }
         }
         self.materials.extend(current);
         Ok(())
     }
 }
+
+/// What a line says of a material that changes how much light it gives back, lets through or emits, and isn't read.
+fn unread(word: &str, line: &Line) -> Option<&'static str> {
+    let value = || line.words.last().and_then(|value| value.parse::<f64>().ok());
+    match word {
+        "map_Kd" => {
+            Some("its texture of colours is not read, `Kd` beside it taken for the reflectance")
+        }
+        "map_Ke" => {
+            Some("its texture of emission is not read, `Ke` beside it taken for the emission")
+        }
+        "d" if value().is_some_and(|opacity| opacity < 1.0) => Some(TRANSPARENT),
+        "Tr" if value().is_some_and(|transparency| transparency > 0.0) => Some(TRANSPARENT),
+        "map_d" => Some(TRANSPARENT),
+        _ => None,
+    }
+}
+
+/// What is said of a material through which light passes.
+const TRANSPARENT: &str = "light passes through it, which is not read: taken to be opaque";
 
 /// The three numbers of a line, or its only one three times.
 fn colour(line: &Line) -> Result<[f64; 3], SceneError> {
@@ -211,6 +237,25 @@ mod tests {
         assert_eq!(reflectance(&mut library, "white"), [0.999, 0.999, 0.5]);
         assert_eq!(library.repairs, ["material `white` reflects everything, taken for 0.999"]);
         assert!(library.material("bright").check(3).is_err());
+    }
+
+    #[test]
+    fn textures_and_transparency_are_said_of_what_is_in_use() {
+        let text = "newmtl wood\nKd 1 1 1\nmap_Kd -s 1 1 1 wood.png\nd 1\nTr 0\nnewmtl glass\nKd .1 .1 .1\n\
+            d 0.2\nTr 0.8\nmap_d holes.png\nnewmtl lamp\nKe 1 1 1\nmap_Ke glow.png\nnewmtl plain\nKs 1 1 1\n";
+        let mut library = library(&[("a.mtl", text)], "a.mtl").expect("valid");
+        reflectance(&mut library, "plain");
+        assert!(library.missing.is_empty(), "only what is in use is said");
+        for (name, what) in [
+            ("wood", "its texture of colours is not read"),
+            ("glass", "light passes through it"),
+            ("lamp", "its texture of emission is not read"),
+        ] {
+            reflectance(&mut library, name);
+            let [said] = &library.missing[..] else { panic!("{name}: {:?}", library.missing) };
+            assert!(said.starts_with(&format!("material `{name}`: {what}")), "{said}");
+            library.missing.clear();
+        }
     }
 
     #[test]

@@ -21,11 +21,15 @@ pub(crate) fn read(path: &Path) -> Result<Scene, SceneError> {
     let declared = bytes.get(HEADER - 4..HEADER).and_then(|count| count.try_into().ok());
     let size = declared.map(|count| HEADER + RECORD * u32::from_le_bytes(count) as usize);
     // Binary files may begin with `solid` as well: their length tells.
+    let mut behind = 0;
     let mut soup = if size != Some(bytes.len()) && is_ascii(&bytes) {
         ascii(path, &text(&bytes))?
     } else {
         match size.filter(|&size| size <= bytes.len()) {
-            Some(size) => binary(path, &bytes[HEADER..size])?,
+            Some(size) => {
+                behind = (bytes.len() - size) / RECORD;
+                binary(path, &bytes[HEADER..size])?
+            }
             None => {
                 let size = size.unwrap_or(HEADER);
                 let found = bytes.len();
@@ -37,7 +41,13 @@ pub(crate) fn read(path: &Path) -> Result<Scene, SceneError> {
     };
     let firsts = (0..soup.vertices()).step_by(3);
     firsts.for_each(|k| _ = soup.add_polygon(&[k, k + 1, k + 2], 0));
-    Ok(soup.into_scene(vec![Material::grey()]))
+    let mut scene = soup.into_scene(vec![Material::grey()]);
+    if behind > 0 {
+        let what =
+            "behind the triangles that it says it has there are bytes as of so many more, not read";
+        scene.doubts.push(format!("{what}: {behind}"));
+    }
+    Ok(scene)
 }
 
 /// Bytes before the first triangle of a binary file, the last four of which are the number of
@@ -175,6 +185,19 @@ mod tests {
             assert!(is_watertight(&binary.surfaces) && binary.repairs.is_empty());
             assert!((binary.volume() - scene.volume()).abs() < 1e-6);
         }
+    }
+
+    #[test]
+    fn triangles_that_are_not_counted_are_said() {
+        let mut bytes = binary_file(&part(5), b"");
+        let scene = read_stl(&bytes).expect("valid");
+        assert_eq!((scene.surfaces.len(), scene.doubts.len()), (5, 0));
+        bytes.extend([0; 3]);
+        assert!(read_stl(&bytes).expect("valid").doubts.is_empty());
+        bytes[HEADER - 4] = 3;
+        let scene = read_stl(&bytes).expect("valid");
+        assert_eq!(scene.surfaces.len(), 3);
+        assert!(scene.doubts[0].ends_with("so many more, not read: 2"), "{:?}", scene.doubts);
     }
 
     #[test]

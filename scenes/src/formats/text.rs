@@ -25,9 +25,27 @@ pub(crate) fn read_text(path: &Path) -> Result<String, SceneError> {
     Ok(text(&read_bytes(path)?).into_owned())
 }
 
-/// Bytes as a text, as [`read_text`] has it.
+/// Bytes as a text, as [`read_text`] has it. Lines may end in a carriage return alone, and what begins with the mark of
+/// UTF-16 is that.
 pub(crate) fn text(bytes: &[u8]) -> Cow<'_, str> {
-    String::from_utf8_lossy(bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes))
+    let text = match bytes {
+        [0xff, 0xfe, wide @ ..] => Cow::Owned(utf16(wide, u16::from_le_bytes)),
+        [0xfe, 0xff, wide @ ..] => Cow::Owned(utf16(wide, u16::from_be_bytes)),
+        _ => String::from_utf8_lossy(bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes)),
+    };
+    let ends_lines = |(at, _)| !text[at + 1..].starts_with('\n');
+    if text.match_indices('\r').any(ends_lines) {
+        Cow::Owned(text.replace("\r\n", "\n").replace('\r', "\n"))
+    } else {
+        text
+    }
+}
+
+/// The text of bytes in UTF-16; what isn't that in it is replaced.
+fn utf16(bytes: &[u8], unit: impl Fn([u8; 2]) -> u16) -> String {
+    let (pairs, _) = bytes.as_chunks::<2>();
+    let units = pairs.iter().map(|&pair| unit(pair));
+    char::decode_utf16(units).map(|c| c.unwrap_or(char::REPLACEMENT_CHARACTER)).collect()
 }
 
 /// What some programs begin a text in UTF-8 with.
@@ -198,6 +216,14 @@ mod tests {
     fn a_byte_order_mark_is_passed_over() {
         assert_eq!(text(b"\xef\xbb\xbfv 1"), "v 1");
         assert_eq!(text(b"v\xff"), "v\u{fffd}");
+        assert_eq!(text(b"\xff\xfev\0 \x001\0"), "v 1");
+        assert_eq!(text(b"\xfe\xff\0v\0 \x001"), "v 1");
+    }
+
+    #[test]
+    fn lines_end_in_any_way() {
+        assert_eq!(text(b"a\rb\r\nc\n\rd\r"), "a\nb\nc\n\nd\n");
+        assert!(matches!(text(b"a\r\nb"), Cow::Borrowed("a\r\nb")));
     }
 
     #[test]

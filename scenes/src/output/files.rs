@@ -11,7 +11,7 @@ use crate::cutting::fields::Fields;
 use crate::cutting::mesh::Mesh;
 use crate::output::page::Page;
 use crate::output::replacing::{
-    EARLIER, PARTIAL, beside, followed, put_back, refuse_folder, replace,
+    EARLIER, PARTIAL, beside, followed, is_same_file, put_back, refuse_folder, replace,
 };
 use crate::output::{gltf, page, ply, table, vtu};
 use crate::pictures::colours::Colours;
@@ -144,13 +144,17 @@ impl Output {
     /// replaced. A device or a pipe stays too, and receives the content when the files are published.
     ///
     /// # Errors
-    /// Those of [`write`](Self::write).
+    /// Those of [`write`](Self::write), and [`io::ErrorKind::AlreadyExists`] if a file of this name has been written.
     pub fn write_at(
         &mut self,
         path: &Path,
         content: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
     ) -> Result<(), OutputError> {
         let path = followed(path).map_err(|source| OutputError::new(path, source))?;
+        if self.pending.iter().any(|other| is_same_file(other, &path)) {
+            let source = io::ErrorKind::AlreadyExists.into();
+            return Err(OutputError { path, source });
+        }
         let partial = beside(&path, PARTIAL);
         self.pending.push(path);
         let written = File::create(&partial).and_then(|file| {
@@ -275,6 +279,24 @@ mod tests {
         let mut found = names(&folder);
         found.sort_unstable();
         assert_eq!(found, ["first", "sub", "third"]);
+        fs::remove_dir_all(&folder).expect("removable");
+    }
+
+    #[test]
+    fn two_files_of_one_name_are_refused_and_an_earlier_one_stays() {
+        let folder = folder("twice");
+        let mut output = Output::new(&folder).expect("writable");
+        fs::write(folder.join("table"), "earlier").expect("written");
+        let text = |file: &mut BufWriter<File>| file.write_all(b"later");
+        output.write("table", text).expect("written");
+        let again = folder.join("..").join(folder.file_name().expect("named")).join("table");
+        assert!(is_same_file(&again, &folder.join("table")));
+        let error = output.write_at(&again, text).expect_err("written before").to_string();
+        assert!(error.contains("table: "), "{error}");
+        output.write("other", text).expect("written");
+        drop(output);
+        assert_eq!(fs::read(folder.join("table")).expect("there"), b"earlier");
+        assert_eq!(names(&folder), ["table"]);
         fs::remove_dir_all(&folder).expect("removable");
     }
 

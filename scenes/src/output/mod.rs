@@ -4,6 +4,6 @@ pub(crate) mod files;
 mod gltf;
 pub(crate) mod page;
 pub(crate) mod ply;
-mod replacing;
+pub(crate) mod replacing;
 pub(crate) mod table;
 pub(crate) mod vtu;

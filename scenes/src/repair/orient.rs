@@ -12,14 +12,17 @@ pub(crate) struct Oriented {
     pub(crate) turned: usize,
     /// How many connected components can't be oriented, like a Möbius strip, and were left as they are.
     pub(crate) unorientable: usize,
+    /// How many closed components were made to look outwards although more of them looked inwards.
+    pub(crate) doubtful: usize,
 }
 
 /// Turns faces until neighbours agree.
 ///
 /// Two faces that share an edge, and no third does, are neighbours and agree if they run along it in
 /// opposite directions. A component that agrees already is left alone, since it
-/// may well be a room seen from inside. Otherwise it is made to look outwards if it is closed; if it is
-/// open, the fewer faces are turned.
+/// may well be a room seen from inside. Otherwise, if it is closed, it is made to look inwards where four
+/// fifths of its area do so already, as those of a room do, and outwards elsewhere; if it is open, the fewer
+/// faces are turned.
 pub(crate) fn orient(vertices: &[DVec3], faces: &mut [Surface]) -> Oriented {
     let edges = Edges::new(faces);
     let mut turn: Vec<Option<bool>> = vec![None; faces.len()];
@@ -38,6 +41,7 @@ pub(crate) fn orient(vertices: &[DVec3], faces: &mut [Surface]) -> Oriented {
         if flips == 0 {
             continue;
         }
+        let mut inwards = 0.0;
         let invert = if component.closed {
             let origin = vertices[faces[seed].corners[0] as usize];
             let volume = |&face: &usize| {
@@ -46,16 +50,34 @@ pub(crate) fn orient(vertices: &[DVec3], faces: &mut [Surface]) -> Oriented {
                 let volume = vector_area(&corners).dot(corners[0]);
                 if of(face) { -volume } else { volume }
             };
-            component.faces.iter().map(volume).sum::<f64>() < 0.0
+            let invert = component.faces.iter().map(volume).sum::<f64>() < 0.0;
+            let area = |face: usize| {
+                let corners = faces[face].corners.iter();
+                vector_area(&corners.map(|&v| vertices[v as usize]).collect::<Vec<_>>()).length()
+            };
+            inwards = share(&component.faces, |face| of(face) != invert, area);
+            invert != (inwards >= ROOM)
         } else {
             2 * flips > component.faces.len()
         };
+        report.doubtful += usize::from(inwards > 0.5 && inwards < ROOM);
         for &face in component.faces.iter().filter(|&&face| of(face) != invert) {
             faces[face].corners.reverse();
             report.turned += 1;
         }
     }
     report
+}
+
+/// The share of the area of a closed component that looks inwards if it is a room of which some faces are turned.
+const ROOM: f64 = 0.8;
+
+/// The share of the area of faces that those of one kind have.
+fn share(faces: &[usize], is_one: impl Fn(usize) -> bool, area: impl Fn(usize) -> f64) -> f64 {
+    let of = |one: bool| -> f64 {
+        faces.iter().filter(|&&face| !one || is_one(face)).map(|&face| area(face)).sum()
+    };
+    of(true) / of(false).max(f64::MIN_POSITIVE)
 }
 
 /// A face along an edge.
@@ -167,11 +189,42 @@ mod tests {
                 }
             }
             let report = orient(&vertices(), &mut faces);
-            let expected = Oriented { turned: mask.count_ones() as usize, unorientable: 0 };
+            let areas = [0.5, 0.5, 0.5, 0.75f64.sqrt()];
+            let inwards: f64 = (0..4).filter(|k| mask >> k & 1 == 1).map(|k| areas[k]).sum();
+            let doubtful = usize::from(2.0 * inwards > areas.iter().sum());
+            let turned = mask.count_ones() as usize;
+            let expected = Oriented { turned, unorientable: 0, doubtful };
             assert_eq!(report, expected, "{mask:b}");
             let scene = Scene { vertices: vertices(), surfaces: faces, ..Scene::default() };
             assert!((scene.volume() - 1.0 / 6.0).abs() < 1e-15, "{mask:b}");
         }
+    }
+
+    #[test]
+    fn a_room_with_few_faces_turned_stays_a_room() {
+        let corner = |k: u32| DVec3::new((k & 1).into(), (k >> 1 & 1).into(), (k >> 2).into());
+        let vertices: Vec<_> = (0..8).map(corner).collect();
+        let outwards =
+            [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+        let volume = |turned: &[usize]| {
+            let mut faces: Vec<_> = outwards
+                .iter()
+                .map(|face| Surface { corners: face.to_vec(), material: 0, face: 0 })
+                .collect();
+            for &k in turned {
+                faces[k].corners.reverse();
+            }
+            let report = orient(&vertices, &mut faces);
+            let scene = Scene { vertices: vertices.clone(), surfaces: faces, ..Scene::default() };
+            (scene.volume().round(), report.turned, report.doubtful)
+        };
+        assert_eq!(
+            volume(&[0, 1, 2, 3, 4]),
+            (-1.0, 1, 0),
+            "a room of six walls, one of them turned"
+        );
+        assert_eq!(volume(&[0, 1, 2, 3]), (1.0, 4, 1), "who knows");
+        assert_eq!(volume(&[5]), (1.0, 1, 0), "a body");
     }
 
     #[test]
@@ -217,7 +270,8 @@ mod tests {
             surfaces(&[[0, 1, 2], [2, 1, 3], [2, 3, 4], [4, 3, 5], [4, 5, 1], [1, 5, 0]]);
         let before = faces.clone();
         let vertices = vec![DVec3::ZERO; 6];
-        assert_eq!(orient(&vertices, &mut faces), Oriented { turned: 0, unorientable: 1 });
+        let expected = Oriented { unorientable: 1, ..Oriented::default() };
+        assert_eq!(orient(&vertices, &mut faces), expected);
         assert_eq!(faces, before);
     }
 

@@ -1,6 +1,7 @@
 //! Polygons as files hold them, mended and made into surfaces that share their vertices.
 
-use std::collections::HashSet;
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 
 use farfield_radiosity::Patch;
 use glam::DVec3;
@@ -8,7 +9,7 @@ use glam::DVec3;
 use crate::repair::orient::orient;
 use crate::repair::triangulate::triangulate;
 use crate::scene::Scene;
-use crate::scene::geometry::vector_area;
+use crate::scene::geometry::{is_watertight, vector_area};
 use crate::scene::material::Material;
 use crate::scene::place::Part;
 use crate::scene::surface::Surface;
@@ -23,8 +24,8 @@ pub(crate) struct Soup {
     weld: Weld,
     /// For each vertex of the file, which one it has become.
     welded: Vec<u32>,
-    /// The corners of polygons so far, from the smallest on.
-    seen: HashSet<Vec<u32>>,
+    /// The corners of polygons so far, from the smallest on, and their materials.
+    seen: HashMap<Vec<u32>, usize>,
     /// Flat convex pieces; those of one flat polygon have one face.
     surfaces: Vec<Surface>,
     /// For each of them the number of its polygon, from 1.
@@ -33,6 +34,8 @@ pub(crate) struct Soup {
     polygons: u32,
     degenerate: usize,
     duplicate: usize,
+    /// How many of those are of another material than what was there before.
+    other: usize,
     bent: usize,
 }
 
@@ -57,8 +60,20 @@ impl Soup {
         while corners.len() > 1 && corners.first() == corners.last() {
             corners.pop();
         }
-        if corners.len() > 2 && !self.seen.insert(cycle(&corners)) {
+        let before = if corners.len() > 2 {
+            match self.seen.entry(cycle(&corners)) {
+                Entry::Occupied(before) => Some(*before.get()),
+                Entry::Vacant(place) => {
+                    place.insert(material);
+                    None
+                }
+            }
+        } else {
+            None
+        };
+        if let Some(before) = before {
             self.duplicate += 1;
+            self.other += usize::from(before != material);
         } else {
             self.add_pieces(corners, material);
             self.numbers.resize(self.surfaces.len(), self.polygons);
@@ -80,8 +95,28 @@ impl Soup {
         ];
         let mentioned = notes.iter().filter(|&&(count, _)| count > 0);
         let repairs = mentioned.map(|(count, what)| format!("{what}: {count}")).collect();
+        let doubts = [
+            (self.other, "duplicate faces of another material, of which the first counts"),
+            (
+                oriented.doubtful,
+                "closed parts made to look outwards, although most of their faces looked inwards",
+            ),
+        ];
+        let mentioned = doubts.iter().filter(|&&(count, _)| count > 0);
+        let doubts = mentioned.map(|(count, what)| format!("{what}: {count}")).collect();
         let parts = vec![Part { kind: "face", numbers: self.numbers, ..Part::default() }];
-        Scene { materials, vertices, surfaces: self.surfaces, parts, repairs, ..Scene::default() }
+        let surfaces = self.surfaces;
+        let watertight = is_watertight(&surfaces);
+        Scene {
+            materials,
+            vertices,
+            surfaces,
+            parts,
+            watertight,
+            repairs,
+            doubts,
+            ..Scene::default()
+        }
     }
 
     /// Adds a polygon, in triangles if need be.
@@ -130,7 +165,6 @@ fn cycle(corners: &[u32]) -> Vec<u32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::geometry::is_watertight;
 
     fn scene(vertices: &[[f64; 3]], polygons: &[&[u32]]) -> Scene {
         let mut soup = Soup::default();

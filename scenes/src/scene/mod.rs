@@ -48,10 +48,15 @@ pub struct Scene {
     /// Whether the surfaces close a room without gaps, as far as the maker of the scene knows: then
     /// all light that leaves one of them arrives at another.
     pub closed: bool,
+    /// Whether each edge is run through as often one way as the other, so that the surfaces enclose volumes without gaps:
+    /// what sees no way out of them has none.
+    pub watertight: bool,
     /// What was mended while the scene was read, one sentence each.
     pub repairs: Vec<String>,
     /// What the scene's files name and isn't there, such as material files, one sentence each.
     pub missing: Vec<String>,
+    /// What the scene's files may mean otherwise than it was taken, one sentence each.
+    pub doubts: Vec<String>,
 }
 
 impl Scene {

@@ -16,6 +16,15 @@ pub struct Part {
 }
 
 impl Part {
+    /// Keeps the names of surfaces that were cut or left out. `origins` has for each surface that there is now the one
+    /// that it was, or was a part of, in their order.
+    pub(crate) fn follow(&mut self, origins: &[usize]) {
+        let start = origins.partition_point(|&origin| origin < self.first);
+        let own = origins[start..].iter().map_while(|origin| self.numbers.get(origin - self.first));
+        self.numbers = own.copied().collect();
+        self.first = start;
+    }
+
     /// A surface as the file has it; none if it isn't from this file.
     pub(crate) fn entry(&self, surface: usize) -> Option<String> {
         let number = self.numbers.get(surface.checked_sub(self.first)?)?;

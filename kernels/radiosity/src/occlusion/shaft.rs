@@ -3,11 +3,21 @@
 use farfield::Real;
 use glam::DVec3;
 
-use crate::elements::Surfel;
+use crate::elements::{Element, Surfel};
 use crate::occlusion::bounds::Bounds;
 use crate::occlusion::facet::Facet;
 use crate::occlusion::occluders::Occluders;
 use crate::occlusion::shapes::Shape;
+
+impl Occluders {
+    /// Whether certainly nothing hides any point of one element from any point of another; false says nothing. O(log n)
+    /// steps through the hierarchy, and some for each facet near the two.
+    pub fn are_clear(&self, elements: [&Element; 2]) -> bool {
+        let surfels = elements.map(|element| [*element.surfel()]);
+        let shapes = elements.map(|element| [Shape::new(0, element)]);
+        Shaft::new((&surfels[0], &shapes[0]), (&surfels[1], &shapes[1])).is_clear(self)
+    }
+}
 
 /// The convex hull of the bounding boxes of two groups of surfels, all of their shapes included.
 ///
@@ -212,7 +222,7 @@ fn common_face<T: Real>(surfels: &[Surfel<T>]) -> Option<u32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::elements::Triangle;
+    use crate::elements::{Patch, Triangle};
     use crate::occlusion::occluders::tests::triangles;
     use farfield_testing::clouds::Random;
 
@@ -248,6 +258,21 @@ mod tests {
         let facet_at = |p: DVec3| single([p, p + DVec3::X * 0.3, p + DVec3::Y * 0.3]);
         assert!(is_clear(&a, &b, &facet_at(DVec3::new(4.5, 0.2, 2.0))));
         assert!(!is_clear(&a, &b, &facet_at(DVec3::splat(2.5))));
+    }
+
+    #[test]
+    fn patches_are_clear_of_what_is_beside_them() {
+        let square = |z: f64| {
+            let at = |x: f64, y: f64| DVec3::new(x, y, z);
+            let corners = [at(0.0, 0.0), at(1.0, 0.0), at(1.0, 1.0), at(0.0, 1.0)];
+            Element::patch(Patch::new(&corners).unwrap(), NO_FACE)
+        };
+        let (low, high) = (square(0.0), square(1.0));
+        for (x, clear) in [(1.1, true), (0.9, false)] {
+            let corner = DVec3::new(x, 0.5, 0.5);
+            let beside = single([corner, corner + DVec3::X, corner + DVec3::X + DVec3::Z * 0.1]);
+            assert_eq!(beside.are_clear([&low, &high]), clear);
+        }
     }
 
     #[test]

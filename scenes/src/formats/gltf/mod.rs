@@ -166,6 +166,11 @@ impl Reading<'_> {
             self.missing
                 .push(format!("{whose}: what primitive {number} says by {extension} is not read"));
         }
+        if primitive.attributes.contains_key("COLOR_0") {
+            let whose = name(&content.document, placed.node);
+            let what = "the colours of its vertices are not read, those of its material are";
+            self.missing.push(format!("{whose}: primitive {number}: {what}"));
+        }
         let material = self.materials.number(&content.document, primitive.material)?;
         // What is mirrored is turned inside out, and back again.
         let mirrored = placed.place.matrix3.determinant() < 0.0;
