@@ -120,6 +120,10 @@ fn direct<E: Expansion>(usual: &Plan<E>, watch: &Watch) -> Option<Plan<E>> {
     let (targets, sources) = (&*trees.target_tree, &*trees.source_tree);
     let (far, admissibility) = (Far::Nothing, &Admissibility::default());
     let lists = Traversal { targets, sources, mask: &mask, far, admissibility, watch }.unmasked();
+    // Of lists that were not finished there is no plan.
+    if watch.is_stopped() {
+        return None;
+    }
     Some(Plan::new(usual.expansion.again()?, Scheme::Direct, trees, lists))
 }
 
@@ -133,5 +137,45 @@ fn stricter(own: Strength, usual: Strength) -> Strength {
         size: size(own.size, usual.size),
         through: size(own.through, usual.through),
         ..usual
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::kernel::closure::from_fn;
+    use crate::kernel::direct::{direct, relative_l2_error};
+    use crate::plan::fmm::Fmm;
+    use glam::DVec3;
+
+    #[test]
+    fn a_plan_for_other_charges_that_is_stopped_changes_nothing() {
+        let step = DVec3::new(0.819_172_5, 0.671_043_6, 0.549_700_5);
+        let points: Vec<DVec3> = (0..3000).map(|i| (step * f64::from(i)).fract()).collect();
+        let usual: Vec<f64> = (0..3000).map(|i| f64::from(i).sin()).collect();
+        let right = |(p, &q): (&DVec3, &f64)| if p.x > 0.7 { q } else { 0.0 };
+        let far: Vec<f64> = points.iter().zip(&usual).map(right).collect();
+        // Sums of which nothing is carried become direct, others get operators of their own.
+        for (width, targets_to, leaf_size, applications) in
+            [(2e-4, 0.6, 16, 1), (0.02, 0.3, 30, 1000)]
+        {
+            let targets: Vec<DVec3> = points.iter().copied().filter(|p| p.x < targets_to).collect();
+            let kernel = from_fn(move |x: DVec3, y: DVec3| (-x.distance_squared(y) / width).exp())
+                .skip_coincident();
+            let builder = Fmm::builder(kernel).tolerance(1e-3).applications(applications);
+            let fmm = builder.leaf_size(leaf_size).build(&points, &targets).unwrap();
+            let before = fmm.apply(&usual).unwrap();
+            assert_eq!(fmm.report().unusual_applications, 0, "{width}");
+            let watch = Watch::new();
+            watch.stop();
+            for charges in [&far, &usual] {
+                assert_eq!(fmm.apply_watched(charges, &watch), Err(Error::Stopped), "{width}");
+            }
+            let sums = fmm.apply(&far).unwrap();
+            let exact = direct(&kernel, &points, &far, &targets).unwrap();
+            assert!(relative_l2_error(&sums, &exact) <= 1e-2, "{width}");
+            assert!(fmm.report().unusual_applications > 0, "{width}");
+            assert_eq!(fmm.apply(&usual).unwrap(), before, "{width}");
+        }
     }
 }
