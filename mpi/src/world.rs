@@ -13,7 +13,7 @@ use crate::transport::{Transport, TransportError, Volume};
 
 /// A rank that is a process, and reaches the others by MPI.
 ///
-/// If a process ends before the others, MPI ends them as well: `mpirun` does when one panics or is killed.
+/// Nobody waits for a process that panics: all are aborted then.
 pub struct MpiTransport {
     communicator: SimpleCommunicator,
     volume: Cell<Volume>,
@@ -85,6 +85,14 @@ impl Transport for MpiTransport {
 
     fn volume(&self) -> Volume {
         self.volume.get()
+    }
+}
+
+impl Drop for MpiTransport {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            self.communicator.abort(1);
+        }
     }
 }
 
