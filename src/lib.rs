@@ -32,6 +32,8 @@
 //! | a formula, and you want derivatives of the sum | [`FormulaKernel::gradient`], [`FormulaKernel::hessian`], [`FnKernel::gradient`] |
 //! | attributes on the points (normals, areas, …) | [`Kernel`]: the formula, what a source sends, what a target makes of it |
 //! | an analytic expansion | [`Expansion`]: P2M, M2M, M2L, L2L, L2P; held to its laws by [`conformance::check`] |
+//! | points that move | nothing more: [`Fmm::update`] |
+//! | near interactions of your own (boundary elements) | the sums over [`Fmm::near_pairs`] |
 //! | pairs that must not count (occlusion, exclusions) | [`Mask`]: what holds between two cells, and for one pair |
 //!
 //! The [`guide`] explains the method and each of these, step by step.
@@ -95,6 +97,7 @@ pub use plan::Scheme;
 pub use plan::builder::Builder;
 pub use plan::estimate::Estimate;
 pub use plan::fmm::Fmm;
+pub use plan::near_pairs::NearBlock;
 pub use plan::part::{Part, PartCell, PartLists, PartMoments};
 pub use plan::report::{LevelReport, Report};
 pub use plan::stats::Stats;

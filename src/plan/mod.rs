@@ -11,6 +11,7 @@ pub(crate) mod forecast;
 pub(crate) mod guard;
 pub(crate) mod layout;
 pub(crate) mod near;
+pub(crate) mod near_pairs;
 pub(crate) mod norms;
 pub(crate) mod pair_time;
 pub(crate) mod passes;

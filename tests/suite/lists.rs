@@ -3,7 +3,7 @@
 use farfield::conformance::Counting;
 use farfield::{
     Cell, CellView, Costs, Coverage, Error, Expansion, Fmm, Geometry, Located, Mask, Outcome,
-    Scheme, Stats, direct_masked,
+    Scheme, Stats, direct, direct_masked, relative_l2_error,
 };
 use farfield_testing::clouds::{self, Random};
 use glam::DVec3;
@@ -51,12 +51,14 @@ struct Priced {
     count: Counting<f64>,
     prices: [usize; 2],
     prepared: bool,
+    /// What pairs count that expansions carry.
+    far: f64,
 }
 
 impl Priced {
     /// With the prices of M2P at a target and of P2L of a source, in pairs.
     fn new(prices: [usize; 2]) -> Self {
-        Self { count: Counting::new(), prices, prepared: false }
+        Self { count: Counting::new(), prices, prepared: false, far: 1.0 }
     }
 
     fn price(&self, operator: usize) -> usize {
@@ -85,8 +87,8 @@ impl Expansion for Priced {
     fn costs(&self, _: usize) -> Costs {
         Costs { m2p_pairs: self.price(0), p2l_pairs: self.price(1), ..Costs::new(1, 1) }
     }
-    fn p2m(&self, cell: &Cell<f64>, sources: &[DVec3], charges: &[f64], multipole: &mut [f64]) {
-        self.count.p2m(cell, sources, charges, multipole);
+    fn p2m(&self, _: &Cell<f64>, _: &[DVec3], charges: &[f64], multipole: &mut [f64]) {
+        multipole[0] += self.far * charges.iter().sum::<f64>();
     }
     fn m2m(&self, child: &Cell<f64>, parent: &Cell<f64>, from: &[f64], to: &mut [f64]) {
         self.count.m2m(child, parent, from, to);
@@ -103,9 +105,10 @@ impl Expansion for Priced {
     fn m2p(&self, cell: &Cell<f64>, m: &[f64], targets: &[DVec3], values: &mut [f64]) -> Outcome {
         self.count.m2p(cell, m, targets, values)
     }
-    fn p2l(&self, cell: &Cell<f64>, sources: &[DVec3], q: &[f64], local: &mut [f64]) -> Outcome {
+    fn p2l(&self, _: &Cell<f64>, _: &[DVec3], q: &[f64], local: &mut [f64]) -> Outcome {
         assert!(self.price(1) < NEVER, "P2L where it never pays");
-        self.count.p2l(cell, sources, q, local)
+        local[0] += self.far * q.iter().sum::<f64>();
+        Outcome::Done
     }
 }
 
@@ -162,6 +165,75 @@ proptest! {
         let mask = SameSide { normal: DVec3::new(1.0, 0.3, -0.2), offset: 0.3, certify };
         check(&sources, &targets, mask, leaf_size, SCHEMES[scheme], prices);
     }
+}
+
+/// The sums of a plan whose far pairs count a thousand times as much, from the pairs that it says are near.
+fn check_near(points: &[DVec3], fmm: &Fmm<Priced>, counts: impl Fn(usize, usize) -> bool) {
+    let n = points.len();
+    let charges: Vec<f64> = (0..n).map(|i| (i * i % 31) as f64 - 9.0).collect();
+    let mut is_near = vec![false; n * n];
+    for block in fmm.near_pairs() {
+        assert_eq!(block.share, 1.0);
+        for &i in block.targets {
+            for &j in block.sources {
+                let pair = i as usize * n + j as usize;
+                assert!(!std::mem::replace(&mut is_near[pair], true), "{i} {j} twice");
+                assert!(counts(i as usize, j as usize), "{i} {j} does not count");
+            }
+        }
+    }
+    let stats = fmm.report().stats;
+    let near = is_near.iter().filter(|&&near| near).count() as u64;
+    assert_eq!(near, stats.direct_pairs, "{stats:?}");
+    let sum = |i: usize| -> f64 {
+        let weight = |j: usize| if is_near[i * n + j] { 1.0 } else { 1000.0 };
+        (0..n).filter(|&j| counts(i, j)).map(|j| weight(j) * charges[j]).sum()
+    };
+    assert_eq!(fmm.apply(&charges).unwrap(), (0..n).map(sum).collect::<Vec<f64>>());
+}
+
+#[test]
+fn every_pair_is_either_near_or_far() {
+    let points = clouds::plummer(700, 3);
+    for scheme in SCHEMES {
+        let expansion = Priced { far: 1000.0, ..Priced::new([1, 1]) };
+        let builder = || Fmm::with_expansion(expansion).leaf_size(6).scheme(scheme);
+        let fmm = builder().build(&points, &points).unwrap();
+        let is_direct = scheme == Scheme::Direct;
+        assert_eq!(fmm.report().stats.expansion_pairs == 0, is_direct);
+        check_near(&points, &fmm, |_, _| true);
+
+        let mask = SameSide { normal: DVec3::new(1.0, 0.3, -0.2), offset: 0.01, certify: true };
+        let fmm = builder().mask(&mask).build(&points, &points).unwrap();
+        check_near(&points, &fmm, |i, j| mask.side(&points[i]) == mask.side(&points[j]));
+    }
+}
+
+#[test]
+fn near_sums_of_ones_own_complete_the_far_part() {
+    let kernel = crate::plain(|x, y| (0.03 + x.distance_squared(y)).sqrt().recip());
+    let (sources, targets) = (clouds::cube(2500, 4), clouds::sphere(1500, 5));
+    let charges = clouds::charges(2500, 6);
+    let builder = Fmm::builder(kernel).tolerance(1e-6).leaf_size(30);
+    let fmm = builder.build(&sources, &targets).unwrap();
+    assert!(fmm.report().stats.expansion_pairs > 1_000_000);
+    // The near part is taken off, and brought back by another who sums it.
+    let mut sums = fmm.apply(&charges).unwrap();
+    let near = |sign: f64, sums: &mut [f64]| {
+        for block in fmm.near_pairs() {
+            let pick = |order: &[u32]| order.iter().map(|&j| sources[j as usize]).collect();
+            let (ys, xs): (Vec<DVec3>, Vec<DVec3>) =
+                (pick(block.sources), block.targets.iter().map(|&i| targets[i as usize]).collect());
+            let qs: Vec<f64> = block.sources.iter().map(|&j| charges[j as usize]).collect();
+            let own = direct(&kernel, &ys, &qs, &xs).unwrap();
+            block.targets.iter().zip(own).for_each(|(&i, u)| sums[i as usize] += sign * u);
+        }
+    };
+    let exact = direct(&kernel, &sources, &charges, &targets).unwrap();
+    near(-1.0, &mut sums);
+    assert!(relative_l2_error(&sums, &exact) > 1e-2, "there is a near part");
+    near(1.0, &mut sums);
+    assert!(relative_l2_error(&sums, &exact) < 1e-6);
 }
 
 #[test]
