@@ -168,16 +168,14 @@ fn coincident_points_and_clusters_in_clusters_are_divided_as_one_plan_does() {
 
 #[test]
 fn kernels_that_look_different_from_place_to_place_come_to_the_same_bits() {
-    let points = clouds::cube(600, 6);
+    let points = clouds::cube(400, 6);
     let charges = charges(points.len());
     let one = of_one_plan(0.5, 15, &points, &charges);
     let exact = direct(&kernel(0.5), &points, &charges, &points).unwrap();
     let error = relative_l2_error(&one, &exact);
     assert!(error <= TOLERANCE, "{error:e}");
-    for size in [1, 3] {
-        let points = (&points[..], &even(points.len(), size)[..]);
-        assert!(bits(&sums(0.5, 15, points, points, &charges)) == bits(&one), "{size} ranks");
-    }
+    let points = (&points[..], &even(points.len(), 3)[..]);
+    assert!(bits(&sums(0.5, 15, points, points, &charges)) == bits(&one));
 }
 
 /// What a rank brings: points, charges, a tolerance and a leaf size.
