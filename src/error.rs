@@ -225,6 +225,67 @@ pub enum Error {
         "the plan was built with a mask: expected one for the points that take their place (`Fmm::update_masked`)"
     )]
     MaskNeeded,
+    /// A period that is not a length.
+    #[error("the period along axis {axis} is {found}: expected a finite number above 0")]
+    InvalidPeriod {
+        /// 0 for x, 1 for y, 2 for z.
+        axis: usize,
+        /// The number given.
+        found: f64,
+    },
+    /// Points that are repeated along an axis are farther apart than the period.
+    #[error(
+        "{set} {index} is at {position} along axis {axis}, and another point at {low}: expected all points within one \
+         period of {period}"
+    )]
+    OutsidePeriod {
+        /// The set the point belongs to.
+        set: PointSet,
+        /// Its index in the caller's order.
+        index: usize,
+        /// 0 for x, 1 for y, 2 for z.
+        axis: usize,
+        /// Where it is along the axis.
+        position: f64,
+        /// Where the first of all points is.
+        low: f64,
+        /// The period.
+        period: f64,
+    },
+    /// An edge of a box is so much longer than a period of it that very many images are near.
+    #[error(
+        "{found} images are near, since one edge of the box is so much longer than another: expected at most {limit}"
+    )]
+    TooManyImages {
+        /// The largest number allowed.
+        limit: f64,
+        /// As many as there would be.
+        found: f64,
+    },
+    /// A kernel is to be repeated that is not one of the difference of two points.
+    #[error(
+        "the kernel depends on where both points are: expected one of their difference to repeat it"
+    )]
+    PositionDependent,
+    /// The sum of a kernel over the images of a source does not exist, not even for charges that add up to zero.
+    #[error(
+        "the sum of the kernel over periodic images does not converge: expected a kernel that decays, or one whose images \
+         cancel for charges that add up to zero"
+    )]
+    DivergentImages,
+    /// Charges that have to add up to zero do not.
+    #[error(
+        "charges add up to {net:e} in density {density}, their sizes to {all:e}: expected a sum of zero, without which the \
+         sum over periodic images does not converge"
+    )]
+    NotNeutral {
+        /// The density, and the column of it: those of the kernel are numbered one column after the other within each.
+        density: usize,
+        /// The size of their sum.
+        net: f64,
+        /// The sum of their sizes.
+        all: f64,
+    },
     /// What a pair is said to take is not a time.
     #[error("a pair is said to take {found} seconds: expected a number above 0")]
     InvalidPairSeconds {

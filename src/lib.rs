@@ -33,6 +33,7 @@
 //! | attributes on the points (normals, areas, …) | [`Kernel`]: the formula, what a source sends, what a target makes of it |
 //! | an analytic expansion | [`Expansion`]: P2M, M2M, M2L, L2L, L2P; held to its laws by [`conformance::check`] |
 //! | points that move | nothing more: [`Fmm::update`] |
+//! | points that are repeated along one, two or three axes | their periods: [`Builder::periodic`] |
 //! | near interactions of your own (boundary elements) | the sums over [`Fmm::near_pairs`] |
 //! | pairs that must not count (occlusion, exclusions) | [`Mask`]: what holds between two cells, and for one pair |
 //!
@@ -58,6 +59,7 @@ mod expansion;
 mod interaction;
 mod interpolation;
 mod plan;
+mod periodic;
 mod certificate;
 pub mod conformance;
 pub mod guide;
@@ -90,9 +92,10 @@ pub use numbers::math;
 pub use numbers::number::{Coordinates, Number};
 #[cfg(feature = "ndarray")]
 pub use numbers::rows::rows_as_points;
-pub use numbers::traits::{Located, Numbers, Point, Real, Scalar, Vector};
+pub use numbers::traits::{Located, Movable, Numbers, Point, Real, Scalar, Vector};
 pub use octree::geometry::{Cell, Cube, MAX_LEVEL};
 pub use parallel::watch::{Phase, Progress, Watch};
+pub use periodic::builder::{Periodic, PeriodicBuilder};
 pub use plan::Scheme;
 pub use plan::builder::Builder;
 pub use plan::estimate::Estimate;

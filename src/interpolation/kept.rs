@@ -7,7 +7,7 @@ use crate::interpolation::entries::{Entries, norm_squared};
 use crate::interpolation::far_field::FarField;
 use crate::interpolation::level::LevelOperators;
 use crate::interpolation::means::INTERACTION_OFFSETS;
-use crate::interpolation::operators::{Operators, Sizes};
+use crate::interpolation::operators::{Kept, Operators, Sizes};
 use crate::interpolation::scale::Scale;
 use crate::numbers::traits::{Real, Scalar};
 
@@ -15,21 +15,6 @@ use crate::numbers::traits::{Real, Scalar};
 pub(crate) struct Former<'a, S: Scalar> {
     pub(crate) operators: &'a Arc<Operators<S>>,
     pub(crate) sizes: &'a Sizes<S::Real>,
-}
-
-/// Levels that need no operators of their own any more.
-pub(crate) struct Kept<S: Scalar> {
-    /// Nodes per axis, which all levels have in common.
-    pub(crate) order: usize,
-    /// By level, with how many times as large errors are as they were measured; none where there are none that serve.
-    pub(crate) levels: Vec<Option<(Arc<LevelOperators<S>>, f64)>>,
-}
-
-impl<S: Scalar> Kept<S> {
-    /// How many levels there are still to be made.
-    pub(crate) fn missing(&self) -> usize {
-        self.levels.iter().filter(|level| level.is_none()).count()
-    }
 }
 
 impl<S: Scalar> Former<'_, S> {

@@ -17,7 +17,6 @@ use crate::interpolation::cost;
 use crate::interpolation::entries::Entries;
 use crate::interpolation::far_field::FarField;
 use crate::interpolation::hashing::Digest;
-use crate::interpolation::kept::Kept;
 use crate::interpolation::level::{LevelOperators, Request, build_levels, operator_costs};
 use crate::interpolation::means::largest;
 use crate::interpolation::offset_errors::{OffsetErrors, test_costs};
@@ -66,12 +65,27 @@ pub(crate) struct Sizes<T> {
     pub(crate) carried: Vec<Carried>,
 }
 
+/// Levels that need no operators of their own any more.
+pub(crate) struct Kept<S: Scalar> {
+    /// Nodes per axis, which all levels have in common.
+    pub(crate) order: usize,
+    /// By level, with how many times as large errors are as they were measured; none where there are none that serve.
+    pub(crate) levels: Vec<Option<(Arc<LevelOperators<S>>, f64)>>,
+}
+
 impl<T: Real> Sizes<T> {
     /// The far field on a level; without parities it is sampled more densely.
     pub(crate) fn far_field(&self, level: usize, reflected: bool) -> FarField<T> {
         let density = if reflected { 1 } else { WHOLE_DENSITY };
         let carried = self.carried[level].clone();
         FarField::new(self.half_widths[level], self.reaches[level], density, carried)
+    }
+}
+
+impl<S: Scalar> Kept<S> {
+    /// How many levels there are still to be made.
+    pub(crate) fn missing(&self) -> usize {
+        self.levels.iter().filter(|level| level.is_none()).count()
     }
 }
 

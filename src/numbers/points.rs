@@ -2,7 +2,7 @@
 
 use glam::{DVec3, Vec3};
 
-use crate::numbers::traits::{Located, Vector, sealed};
+use crate::numbers::traits::{Located, Movable, Vector, sealed};
 
 macro_rules! points {
     ($t:ty, $vector:ty) => {
@@ -28,6 +28,18 @@ macro_rules! points {
             #[inline(always)]
             fn position(&self) -> Self {
                 *self
+            }
+        }
+
+        impl Movable for $vector {
+            fn moved_by(&self, shift: Self) -> Self {
+                *self + shift
+            }
+        }
+
+        impl Movable for [$t; 3] {
+            fn moved_by(&self, shift: $vector) -> Self {
+                (self.position() + shift).to_array()
             }
         }
 

@@ -236,6 +236,13 @@ pub trait Located: Clone + Send + Sync {
     fn position(&self) -> Point<Self::Real>;
 }
 
+/// A point of which there can be a copy elsewhere: what is repeated with a [period](crate::Builder::periodic). All that it has
+/// besides its position (normals, areas) goes with it.
+pub trait Movable: Located {
+    /// The same at its position plus `shift`.
+    fn moved_by(&self, shift: Point<Self::Real>) -> Self;
+}
+
 /// Names that only this crate can implement.
 pub(crate) mod sealed {
     /// Holds other crates off.

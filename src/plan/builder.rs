@@ -44,7 +44,7 @@ impl<E: Expansion> Fmm<E> {
 /// Collects the choices for a plan; every one has a default.
 #[must_use = "call `build`"]
 pub struct Builder<'a, E, M> {
-    pub(super) expansion: E,
+    pub(crate) expansion: E,
     pub(super) mask: M,
     pub(super) choices: Choices<'a>,
 }

@@ -3,7 +3,7 @@
 use crate::imports::Import;
 
 /// The engine's folders, each of which imports only from those above it; `dispatch_level` and `error` are single files.
-pub(crate) const STAGES: [&str; 14] = [
+pub(crate) const STAGES: [&str; 15] = [
     "dispatch_level",
     "error",
     "parallel",
@@ -15,6 +15,7 @@ pub(crate) const STAGES: [&str; 14] = [
     "interaction",
     "interpolation",
     "plan",
+    "periodic",
     "certificate",
     "conformance",
     "guide",

@@ -13,6 +13,7 @@ mod masks;
 mod moments;
 mod moving;
 mod operator_store;
+mod periodic;
 mod radiosity;
 mod sizes;
 mod translation_theorems;
