@@ -97,7 +97,9 @@ fn the_tolerance_holds_whatever_shape_points_take() {
             check(&fmm, formula, tolerance, &rod, &format!("rod of {thin}"));
         }
         for apart in [0.5, 3.0, 100.0] {
-            let side = |i: usize| DVec3::new(1.0, 0.7, 0.1) * if i % 2 == 0 { apart } else { 0.0 };
+            let side = |i: usize| {
+                DVec3::new(1.0, 0.7, 0.1) * if i.is_multiple_of(2) { apart } else { 0.0 }
+            };
             let two: Vec<DVec3> = cloud.iter().enumerate().map(|(i, p)| *p + side(i)).collect();
             fmm.update(&two, &two).unwrap();
             check(&fmm, formula, tolerance, &two, &format!("two, {apart} apart"));
