@@ -18,10 +18,12 @@
 #[doc = "<div>\n"]
 #[doc = include_str!("lists.svg")]
 #[doc = "</div>\n"]
+#[doc = ""]
 #[doc = include_str!("method_passes.md")]
 #[doc = "<div>\n"]
 #[doc = include_str!("passes.svg")]
 #[doc = "</div>\n"]
+#[doc = ""]
 #[doc = include_str!("method_cost.md")]
 pub mod method {}
 
