@@ -225,7 +225,12 @@ def test_operators_are_brought_to_another_process(tmp_path):
     points = "import sys, farfield as ff, numpy as np; X = np.random.default_rng(5).random((4000, 3)); Q = np.ones(4000)"
     first = f"{points}; {text}; u = plan(Q); assert ff.save_operators(sys.argv[1]) == 1; print(u.tobytes().hex())"
     second = f"{points}; assert ff.load_operators(sys.argv[1]) == 1; {text}; print(plan(Q).tobytes().hex())"
-    run = lambda code: subprocess.run([sys.executable, "-c", code, str(folder)], check=True, capture_output=True).stdout
+
+    def run(code):
+        # Not from the folder of the sources, which have no native part.
+        command = [sys.executable, "-c", code, str(folder)]
+        return subprocess.run(command, check=True, capture_output=True, cwd=tmp_path).stdout
+
     assert run(first) == run(second)
     file = next(folder.iterdir())
     data = bytearray(file.read_bytes())
