@@ -21,9 +21,9 @@ use crate::numbers::traits::Scalar;
 ///
 /// Operators are recognised by what they were built from. Where the kernel states its
 /// [identity](crate::Kernel::identity), or has no parameters and is met again in the same process, that is compared, and
-/// values of the kernel at some thousand points. Of any other kernel, a quarter of *all* values that went into the
-/// operators is evaluated again, which takes a fraction of the time of building them. So sums have the same bits with a store and
-/// without one.
+/// values of the kernel at some thousand points. Of any other kernel, a quarter of the values that went into the
+/// operators is evaluated again, spread over all of them, which takes a fraction of the time of building them. So sums have
+/// the same bits with a store and without one, unless two kernels differ so narrowly that none of these values shows it.
 ///
 /// Clones share what is stored. Nothing is locked while a kernel is evaluated.
 ///

@@ -115,7 +115,7 @@ pub trait Kernel: Send + Sync {
 
     /// Whether kernels of this type can differ in their formula: by default, unless they have no size. A plan
     /// takes the operators of another plan for granted only where they can't; otherwise it evaluates the
-    /// formula wherever they came from.
+    /// formula at a quarter of the places that they came from.
     fn has_parameters(&self) -> bool {
         size_of_val(self) > 0
     }

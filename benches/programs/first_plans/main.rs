@@ -19,9 +19,9 @@ use farfield::{
     Coordinates, Difference, Error, Fmm, Formula, Interpolation, Kernel, Number, OperatorStore,
     from_fn, from_formula,
 };
-use farfield_benches::cli::count;
+use farfield_benches::cli::{count, name};
+use farfield_benches::clouds::{self, Cloud};
 use farfield_potentials::InverseFourth;
-use farfield_testing::clouds;
 use glam::DVec3;
 
 /// What is measured.
@@ -30,9 +30,9 @@ struct Args {
     /// Kernels whose names contain one of these
     #[arg(long, value_delimiter = ',')]
     kernels: Vec<String>,
-    /// Clouds by name: cube, sphere, helix
-    #[arg(long, value_delimiter = ',', default_value = "cube,helix")]
-    clouds: Vec<String>,
+    /// Where the points lie
+    #[arg(long, value_enum, value_delimiter = ',', default_value = "cube,helix")]
+    clouds: Vec<Cloud>,
     /// Number of points
     #[arg(long, value_parser = count, default_value = "1e5")]
     points: usize,
@@ -86,14 +86,10 @@ fn main() -> ExitCode {
         "kernel", "cloud", "asked", "first s", "loaded s", "ratio", "MB", "error"
     );
     let mut failed = false;
-    for cloud in &args.clouds {
-        let Some((_, points)) =
-            clouds::all(args.points).into_iter().find(|(name, _)| name == cloud)
-        else {
-            eprintln!("--clouds {cloud}: no such cloud");
-            return ExitCode::FAILURE;
-        };
-        let case = Case { cloud, points: &points, folder: &folder, kernels: &args.kernels };
+    for &cloud in &args.clouds {
+        let points = clouds::cloud(cloud, args.points);
+        let case =
+            Case { cloud: &name(cloud), points: &points, folder: &folder, kernels: &args.kernels };
         for (name, tolerance, function) in FUNCTIONS {
             failed |= !case.measure(name, tolerance, || from_fn(function).skip_coincident());
         }
@@ -166,7 +162,7 @@ impl Case<'_> {
         store.load(self.folder)?;
         let fmm = plan(&store)?;
         let loaded = start.elapsed().as_secs_f64();
-        let (_, certificate) = fmm.apply_certified(&clouds::charges(self.points.len(), 7))?;
+        let (_, certificate) = fmm.apply_certified(&clouds::charges(self.points.len()))?;
         Ok([first, loaded, bytes as f64, certificate.estimate])
     }
 }
