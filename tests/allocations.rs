@@ -5,7 +5,7 @@ use std::sync::Mutex;
 
 use farfield::{Fmm, conformance::Counting, from_fn};
 use glam::DVec3;
-use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
+use stats_alloc::{INSTRUMENTED_SYSTEM, Region, Stats, StatsAlloc};
 
 #[global_allocator]
 static ALLOCATOR: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
@@ -31,19 +31,23 @@ fn a_warm_plan_allocates_nothing_but_its_result() {
             fmm.apply(&charges).unwrap();
         }
         let mut values = vec![0.0; points.len()];
-        let region = Region::new(ALLOCATOR);
-        fmm.apply_into(&charges, &mut values).unwrap();
-        // The thread pool's queues may grow now and then.
-        assert!(region.change().bytes_allocated <= 8 << 10, "{:?}", region.change());
-        let region = Region::new(ALLOCATOR);
-        assert_eq!(fmm.apply(&charges).unwrap(), values);
-        let change = region.change();
-        assert!(change.bytes_allocated >= size_of_val(&values[..]));
-        // The thread pool's queues may grow now and then.
-        let slack = 8 << 10;
-        assert!(change.bytes_allocated <= size_of_val(&values[..]) + slack, "{change:?}");
-        assert!(change.allocations + change.reallocations <= 8, "{change:?}");
+        let within = least(|| fmm.apply_into(&charges, &mut values).unwrap());
+        assert_eq!(within.bytes_allocated, 0, "{within:?}");
+        let new = least(|| assert_eq!(fmm.apply(&charges).unwrap(), values));
+        assert_eq!(new.bytes_allocated, size_of_val(&charges[..]), "{new:?}");
+        assert_eq!((new.allocations, new.reallocations), (1, 0), "{new:?}");
     });
+}
+
+/// What the most frugal of several calls allocated. Now and then the thread pool's queues grow, or more threads than
+/// ever before work at once and each keeps its buffers: but not every time.
+fn least(mut call: impl FnMut()) -> Stats {
+    let calls = (0..10).map(|_| {
+        let region = Region::new(ALLOCATOR);
+        call();
+        region.change()
+    });
+    calls.min_by_key(|change| change.bytes_allocated).unwrap_or_default()
 }
 
 #[test]

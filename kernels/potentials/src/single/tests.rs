@@ -25,8 +25,7 @@ impl<E: Exponent> WithSimd for How<'_, E> {
 
     fn with_simd<S: Simd>(self, simd: S) -> Option<Single> {
         let Self(tolerance, gradient, xs, ys, _) = self;
-        let law = Law::of::<E>()?;
-        Single::of::<S, E, f64>(simd, law, gradient, tolerance, (xs, ys))
+        Single::of::<S, E, f64>(simd, gradient, tolerance, (xs, ys))
     }
 }
 
