@@ -7,7 +7,7 @@ use pulp::Simd;
 
 use crate::columns::{from_columns, same, to_columns};
 use crate::exponent::Exponent;
-use crate::law::{power, slope, units};
+use crate::law::{Law, slope};
 use crate::output::Output;
 use crate::reciprocal::{Digits, Reciprocal};
 use crate::registers::Registers;
@@ -37,8 +37,10 @@ pub(crate) fn group_size<S: Simd>(registers: usize, columns: usize, gradient: bo
 
 /// `G` registers of targets and all sources, in the precision that they come in.
 #[inline(always)]
-pub(crate) fn group<S, E, F, T, C, O, D, const G: usize, const N: usize>(
+pub(crate) fn group<S, E, F, T, C, O, const G: usize, const N: usize>(
     simd: S,
+    law: Law,
+    digits: Digits,
     xs: &[Point<T>],
     ys: &[Point<T>],
     qs: &[C],
@@ -50,7 +52,6 @@ pub(crate) fn group<S, E, F, T, C, O, D, const G: usize, const N: usize>(
     T: Real,
     C: Numbers<Real = T>,
     O: Output<T, C>,
-    D: Digits,
 {
     let x = load::<F, S, _, G>(simd, xs, |x| x.to_array().map(same));
     let least = F::splat(simd, F::LEAST);
@@ -60,10 +61,10 @@ pub(crate) fn group<S, E, F, T, C, O, D, const G: usize, const N: usize>(
         let q = to_columns::<C, F, N>(q).map(|q| F::splat(simd, q));
         for g in 0..G {
             let (d, r2) = difference::<F, S, G>(simd, &x, g, y);
-            sums.add::<E, D>(simd, O::GRADIENT, g, (d, r2), Some(least), q);
+            sums.add(simd, (law, digits, O::GRADIENT), g, (d, r2), Some(least), q);
         }
     }
-    let [k, slope] = units::<E, F, S, D>(simd);
+    let [k, slope] = law.units::<F, S>(simd, digits);
     sums.add_to::<T, C, O>([k, -2.0 * E::LAMBDA * slope], &[1.0; N], us);
 }
 
@@ -125,16 +126,16 @@ impl<F: Reciprocal, S: Simd, const G: usize, const N: usize> Sums<F, S, G, N> {
 
     /// Adds one source, at the differences (d, r²) from the targets of register `g`.
     #[inline(always)]
-    pub(crate) fn add<E: Exponent, D: Digits>(
+    pub(crate) fn add(
         &mut self,
         simd: S,
-        gradient: bool,
+        (law, digits, gradient): (Law, Digits, bool),
         g: usize,
         (d, r2): ([F::Register<S>; 3], F::Register<S>),
         least: Option<F::Register<S>>,
         q: [F::Register<S>; N],
     ) {
-        let (k, inverse) = power::<E, F, S, D>(simd, least, r2);
+        let (k, inverse) = law.at::<F, S>(simd, digits, least, r2);
         for n in 0..N {
             self.potential[n][g] = F::plus_product(simd, k, q[n], self.potential[n][g]);
         }

@@ -22,10 +22,10 @@ use pulp::{Simd, WithSimd};
 
 use crate::exponent::Exponent;
 use crate::group::{group, group_size, lanes};
-use crate::law::{error, is_known};
+use crate::law::Law;
 use crate::ordinary::is_ordinary;
 use crate::output::Output;
-use crate::reciprocal::{All, Digits, Few, Half, Reciprocal};
+use crate::reciprocal::{Digits, Reciprocal};
 use crate::single::Single;
 
 /// The block Σ_j K(x_i, y_j) q_j, to be added to `us[i]`, each pair to a relative error `tolerance`.
@@ -54,14 +54,12 @@ where
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> Outcome {
-        if const { !is_known::<E>() } {
-            return Outcome::Declined;
-        }
+        let Some(law) = Law::of::<E>() else { return Outcome::Declined };
         match C::LEN {
-            1 => self.sum::<S, 1>(simd),
-            2 => self.sum::<S, 2>(simd),
-            3 => self.sum::<S, 3>(simd),
-            4 => self.sum::<S, 4>(simd),
+            1 => self.sum::<S, 1>(simd, law),
+            2 => self.sum::<S, 2>(simd, law),
+            3 => self.sum::<S, 3>(simd, law),
+            4 => self.sum::<S, 4>(simd, law),
             _ => Outcome::Declined,
         }
     }
@@ -75,9 +73,6 @@ where
     C: Numbers<Real = T>,
     O: Output<T, C>,
 {
-    /// Whether single precision may serve blocks of this type.
-    const MAY_BE_ROUNDED: bool = size_of::<F>() == size_of::<f64>() && E::LAMBDA > 0.0;
-
     /// Adds the block, or declines it, with the best instructions that the machine has.
     pub(crate) fn run(self) -> Outcome {
         dispatch(self)
@@ -85,14 +80,15 @@ where
 
     /// The block for charges of `N` columns.
     #[inline(always)]
-    fn sum<S: Simd, const N: usize>(self, simd: S) -> Outcome {
+    fn sum<S: Simd, const N: usize>(self, simd: S, law: Law) -> Outcome {
         // Decided per type, so that only the one loop that fits a charge is compiled.
         if const { C::LEN != N } {
             return Outcome::Declined;
         }
-        if const { Self::MAY_BE_ROUNDED } {
+        let double = const { size_of::<F>() == size_of::<f64>() && E::LAMBDA > 0.0 };
+        if double {
             let Self { xs, ys, qs, tolerance, .. } = self;
-            let single = Single::of::<S, E, T>(simd, O::GRADIENT, tolerance, (xs, ys));
+            let single = Single::of::<S, E, T>(simd, law, O::GRADIENT, tolerance, (xs, ys));
             if let Some(single) = single {
                 single.sum::<S, E, T, C, O, N>(simd, xs, ys, qs, self.us);
                 return Outcome::Done;
@@ -103,23 +99,26 @@ where
         }
         // What rounding hides is always enough: then the loops for more digits aren't compiled.
         let hidden = F::epsilon().as_f64() / 8.0;
-        let enough = |error| error <= hidden || error <= self.tolerance;
-        let few = error::<E, F, S, Few>(simd, O::GRADIENT);
+        let enough = |digits| {
+            let error = law.error::<F, S>(simd, digits, O::GRADIENT);
+            error <= hidden || error <= self.tolerance
+        };
         // Fewer digits of double precision are for blocks too small for single precision: no large groups.
-        let most = if Self::MAY_BE_ROUNDED && few > hidden { 1 } else { 3 };
-        if enough(few) {
-            self.groups::<S, Few, N>(simd, most);
-        } else if enough(error::<E, F, S, Half>(simd, O::GRADIENT)) {
-            self.groups::<S, Half, N>(simd, 3);
+        let rounded = law.error::<F, S>(simd, Digits::Few, O::GRADIENT) > hidden;
+        let few = if double && rounded { 1 } else { 3 };
+        if enough(Digits::Few) {
+            self.groups::<S, N>(simd, law, Digits::Few, few);
+        } else if enough(Digits::Half) {
+            self.groups::<S, N>(simd, law, Digits::Half, 3);
         } else {
-            self.groups::<S, All, N>(simd, 3);
+            self.groups::<S, N>(simd, law, Digits::All, 3);
         }
         Outcome::Done
     }
 
     /// The targets in groups of up to `most` registers, fewer where the sums would not fit.
     #[inline(always)]
-    fn groups<S: Simd, D: Digits, const N: usize>(self, simd: S, most: usize) {
+    fn groups<S: Simd, const N: usize>(self, simd: S, law: Law, digits: Digits, most: usize) {
         let lanes = lanes::<F, S>();
         let Self { mut xs, ys, qs, mut us, .. } = self;
         while !xs.is_empty() {
@@ -128,11 +127,11 @@ where
             let (x, rest_x) = xs.split_at(count);
             let (u, rest_u) = us.split_at_mut(count);
             if size == 1 || most == 1 {
-                group::<S, E, F, T, C, O, D, 1, N>(simd, x, ys, qs, u);
+                group::<S, E, F, T, C, O, 1, N>(simd, law, digits, x, ys, qs, u);
             } else if size == 2 {
-                group::<S, E, F, T, C, O, D, 2, N>(simd, x, ys, qs, u);
+                group::<S, E, F, T, C, O, 2, N>(simd, law, digits, x, ys, qs, u);
             } else {
-                group::<S, E, F, T, C, O, D, 3, N>(simd, x, ys, qs, u);
+                group::<S, E, F, T, C, O, 3, N>(simd, law, digits, x, ys, qs, u);
             }
             (xs, us) = (rest_x, rest_u);
         }

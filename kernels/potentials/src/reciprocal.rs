@@ -14,30 +14,16 @@ use pulp::x86::{V3, V4};
 
 use crate::registers::Registers;
 
-/// How many digits are wanted, as a type; what that means in numbers depends on the machine, and the error
+/// How many digits are wanted; what that means in numbers depends on the machine, and the error
 /// bounds of [`Reciprocal`] say it.
-pub(crate) trait Digits {
-    /// The place in tables of degrees.
-    const INDEX: usize;
-}
-
-/// About four digits.
-pub(crate) struct Few;
-/// About eight digits.
-pub(crate) struct Half;
-/// All digits, but for rounding.
-pub(crate) struct All;
-
-impl Digits for Few {
-    const INDEX: usize = 0;
-}
-
-impl Digits for Half {
-    const INDEX: usize = 1;
-}
-
-impl Digits for All {
-    const INDEX: usize = 2;
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Digits {
+    /// About four.
+    Few,
+    /// About eight.
+    Half,
+    /// All, but for rounding.
+    All,
 }
 
 /// Reciprocals of positive numbers between [`LEAST`](Self::LEAST) and its inverse. Beyond these, and
@@ -49,15 +35,15 @@ pub(crate) trait Reciprocal: Registers {
     const CUBES: bool;
 
     /// 1/√x in units of [`inverse_sqrt_unit`](Self::inverse_sqrt_unit).
-    fn inverse_sqrt<S: Simd, D: Digits>(simd: S, x: Self::Register<S>) -> Self::Register<S>;
+    fn inverse_sqrt<S: Simd>(simd: S, digits: Digits, x: Self::Register<S>) -> Self::Register<S>;
     /// 1/x
-    fn inverse<S: Simd, D: Digits>(simd: S, x: Self::Register<S>) -> Self::Register<S>;
+    fn inverse<S: Simd>(simd: S, digits: Digits, x: Self::Register<S>) -> Self::Register<S>;
     /// A power of two.
-    fn inverse_sqrt_unit<S: Simd, D: Digits>(simd: S) -> f64;
+    fn inverse_sqrt_unit<S: Simd>(simd: S, digits: Digits) -> f64;
     /// The relative error of [`inverse_sqrt`](Self::inverse_sqrt) is less, rounding aside.
-    fn inverse_sqrt_error<S: Simd, D: Digits>(simd: S) -> f64;
+    fn inverse_sqrt_error<S: Simd>(simd: S, digits: Digits) -> f64;
     /// The relative error of [`inverse`](Self::inverse) is less, rounding aside.
-    fn inverse_error<S: Simd, D: Digits>(simd: S) -> f64;
+    fn inverse_error<S: Simd>(simd: S, digits: Digits) -> f64;
 }
 
 /// Relative error of the estimates of AVX-512.
@@ -89,65 +75,65 @@ macro_rules! reciprocal {
             const CUBES: bool = $cubes;
 
             #[inline(always)]
-            fn inverse_sqrt<S: Simd, D: Digits>(simd: S, x: S::$register) -> S::$register {
+            fn inverse_sqrt<S: Simd>(simd: S, digits: Digits, x: S::$register) -> S::$register {
                 #[cfg(target_arch = "x86_64")]
                 {
                     if let Some(machine) = is::<V4, S>(simd) {
                         let y = cast(machine.avx512f.$rsqrt14(cast(x)));
-                        return refine_sqrt::<$t, S>(simd, $avx512[D::INDEX], x, y);
+                        return refine_sqrt::<$t, S>(simd, $avx512[digits as usize], x, y);
                     }
                     if let Some(machine) = is::<V3, S>(simd) {
                         let y = $rsqrt_avx2(simd, machine, x);
-                        return refine_sqrt::<$t, S>(simd, $avx2[D::INDEX], x, y);
+                        return refine_sqrt::<$t, S>(simd, $avx2[digits as usize], x, y);
                     }
                 }
                 $t::one_over(simd, $t::root(simd, x))
             }
 
             #[inline(always)]
-            fn inverse<S: Simd, D: Digits>(simd: S, x: S::$register) -> S::$register {
+            fn inverse<S: Simd>(simd: S, digits: Digits, x: S::$register) -> S::$register {
                 #[cfg(target_arch = "x86_64")]
                 if let Some(machine) = is::<V4, S>(simd) {
                     let y = cast(machine.avx512f.$rcp14(cast(x)));
-                    return refine::<$t, S>(simd, $avx512[D::INDEX], x, y);
+                    return refine::<$t, S>(simd, $avx512[digits as usize], x, y);
                 }
                 // One division of 256 bits costs no more than refining an estimate.
                 $t::one_over(simd, x)
             }
 
             #[inline(always)]
-            fn inverse_sqrt_unit<S: Simd, D: Digits>(simd: S) -> f64 {
+            fn inverse_sqrt_unit<S: Simd>(simd: S, digits: Digits) -> f64 {
                 #[cfg(target_arch = "x86_64")]
                 {
                     if is::<V4, S>(simd).is_some() {
-                        return refined_sqrt_unit($avx512[D::INDEX]);
+                        return refined_sqrt_unit($avx512[digits as usize]);
                     }
                     if is::<V3, S>(simd).is_some() {
-                        return refined_sqrt_unit($avx2[D::INDEX]);
+                        return refined_sqrt_unit($avx2[digits as usize]);
                     }
                 }
                 1.0
             }
 
             #[inline(always)]
-            fn inverse_sqrt_error<S: Simd, D: Digits>(simd: S) -> f64 {
+            fn inverse_sqrt_error<S: Simd>(simd: S, digits: Digits) -> f64 {
                 #[cfg(target_arch = "x86_64")]
                 {
                     if is::<V4, S>(simd).is_some() {
-                        return refined_sqrt_error(AVX512, $avx512[D::INDEX]);
+                        return refined_sqrt_error(AVX512, $avx512[digits as usize]);
                     }
                     if is::<V3, S>(simd).is_some() {
-                        return refined_sqrt_error($avx2_error, $avx2[D::INDEX]);
+                        return refined_sqrt_error($avx2_error, $avx2[digits as usize]);
                     }
                 }
                 0.0
             }
 
             #[inline(always)]
-            fn inverse_error<S: Simd, D: Digits>(simd: S) -> f64 {
+            fn inverse_error<S: Simd>(simd: S, digits: Digits) -> f64 {
                 #[cfg(target_arch = "x86_64")]
                 if is::<V4, S>(simd).is_some() {
-                    return AVX512.powi($avx512[D::INDEX] as i32 + 1);
+                    return AVX512.powi($avx512[digits as usize] as i32 + 1);
                 }
                 0.0
             }
@@ -185,15 +171,10 @@ const TWO_TO_MINUS_102: f32 = f32::from_bits((127 - 102) << 23);
 /// r² = 2⁻³⁰⁰: even r⁻⁶ is in range.
 const TWO_TO_MINUS_300: f64 = f64::from_bits((1023 - 300) << 52);
 
-/// The machine, if it is an `M`, which has other widths of registers than the others have. This is known when the code
-/// is compiled: no test is left of it.
+/// The machine, if it is an `M`. This is known when the code is compiled: no test is left of it.
 #[cfg(target_arch = "x86_64")]
 #[inline(always)]
-fn is<M: Simd, S: Simd>(simd: S) -> Option<M> {
-    // By widths alone, what another machine does is left out at once rather than optimised away.
-    if const { size_of::<M::f64s>() != size_of::<S::f64s>() } {
-        return None;
-    }
+fn is<M: Copy + 'static, S: Simd>(simd: S) -> Option<M> {
     (&simd as &dyn Any).downcast_ref().copied()
 }
 
@@ -286,28 +267,29 @@ mod tests {
     use std::marker::PhantomData;
 
     /// The worst relative errors of 1/√x and 1/x, and their bounds.
-    struct Worst<F, D>(PhantomData<(F, D)>);
+    struct Worst<F>(Digits, PhantomData<F>);
 
-    impl<F: Reciprocal, D: Digits> WithSimd for Worst<F, D> {
+    impl<F: Reciprocal> WithSimd for Worst<F> {
         type Output = [(f64, f64); 2];
 
         fn with_simd<S: Simd>(self, simd: S) -> Self::Output {
+            let digits = self.0;
             let mut worst = [0.0; 2];
             let exponent = F::LEAST.as_f64().log2() as i32;
             for i in 0..20_000 {
                 let fraction = 1.0 + f64::from(i) * 0.618_034 % 1.0;
                 let x = F::from_f64(fraction * 2f64.powi(exponent + i % (-2 * exponent)));
-                let unit = F::inverse_sqrt_unit::<S, D>(simd);
+                let unit = F::inverse_sqrt_unit(simd, digits);
                 let found = [
-                    first::<F, S>(F::inverse_sqrt::<S, D>(simd, F::splat(simd, x))) * unit,
-                    first::<F, S>(F::inverse::<S, D>(simd, F::splat(simd, x))),
+                    first::<F, S>(F::inverse_sqrt(simd, digits, F::splat(simd, x))) * unit,
+                    first::<F, S>(F::inverse(simd, digits, F::splat(simd, x))),
                 ];
                 let exact = [x.as_f64().sqrt().recip(), x.as_f64().recip()];
                 for ((worst, found), exact) in worst.iter_mut().zip(found).zip(exact) {
                     *worst = f64::max(*worst, (found / exact - 1.0).abs());
                 }
             }
-            let bounds = [F::inverse_sqrt_error::<S, D>(simd), F::inverse_error::<S, D>(simd)];
+            let bounds = [F::inverse_sqrt_error(simd, digits), F::inverse_error(simd, digits)];
             [(worst[0], bounds[0]), (worst[1], bounds[1])]
         }
     }
@@ -318,25 +300,22 @@ mod tests {
         numbers[0].as_f64()
     }
 
-    fn check<F: Reciprocal, D: Digits>(most: f64) {
-        let worst = || Worst::<F, D>(PhantomData);
-        let found = DispatchLevel::available().map(|level| level.run(worst()));
-        let rounding = F::epsilon().as_f64();
-        for (error, bound) in found.flatten() {
-            let digits = D::INDEX;
-            assert!(error <= bound + rounding, "{digits}: {error:e} > {bound:e}");
-            assert!(bound <= most + rounding / 2.0, "{digits}: {bound:e}");
-            assert!(bound < rounding || bound < 4.0 * error, "{digits}: {error:e} {bound:e}");
+    fn check<F: Reciprocal>() {
+        for (digits, most) in [(Digits::Few, 4e-4), (Digits::Half, 3e-7), (Digits::All, 0.0)] {
+            let worst = || Worst::<F>(digits, PhantomData);
+            let found = DispatchLevel::available().map(|level| level.run(worst()));
+            let rounding = F::epsilon().as_f64();
+            for (error, bound) in found.flatten() {
+                assert!(error <= bound + rounding, "{digits:?}: {error:e} > {bound:e}");
+                assert!(bound <= most + rounding / 2.0, "{digits:?}: {bound:e}");
+                assert!(bound < rounding || bound < 4.0 * error, "{digits:?}: {error:e} {bound:e}");
+            }
         }
     }
 
     #[test]
     fn errors_keep_their_bounds_at_every_level() {
-        check::<f32, Few>(4e-4);
-        check::<f32, Half>(3e-7);
-        check::<f32, All>(0.0);
-        check::<f64, Few>(4e-4);
-        check::<f64, Half>(3e-7);
-        check::<f64, All>(0.0);
+        check::<f32>();
+        check::<f64>();
     }
 }

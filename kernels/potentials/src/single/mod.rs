@@ -25,10 +25,10 @@ use pulp::Simd;
 
 use crate::exponent::Exponent;
 use crate::group::{LANES, Sums, Targets, difference, group_size, lanes, load};
-use crate::law::{error, units};
+use crate::law::Law;
 use crate::output::Output;
 use crate::pair::add_pair;
-use crate::reciprocal::{Digits, Few, Half};
+use crate::reciprocal::Digits;
 use crate::registers::Registers;
 use crate::single::rounded::{CHUNK, Rounded, Sources, power_of_two, reach, round};
 
@@ -52,8 +52,8 @@ const GREATEST_EXTENT: f64 = (1u128 << 120) as f64;
 /// How a block is rounded.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Single {
-    /// Whether few digits of reciprocals are enough, or half of all are needed.
-    few: bool,
+    law: Law,
+    digits: Digits,
     /// ρ
     ratio: f64,
     /// 2⁻ᵏ
@@ -65,6 +65,7 @@ impl Single {
     #[inline(always)]
     pub(crate) fn of<S: Simd, E: Exponent, T: Real>(
         simd: S,
+        law: Law,
         gradient: bool,
         tolerance: f64,
         (xs, ys): (&[Point<T>], &[Point<T>]),
@@ -74,21 +75,17 @@ impl Single {
         if lanes == 1 || xs.len() < LEAST_TARGETS.max(lanes) || ys.len() < LEAST_SOURCES {
             return None;
         }
-        let ratio_of = |error| ratio::<E>(error, gradient, tolerance);
-        let mut ratio = ratio_of(error::<E, f32, S, Few>(simd, gradient));
-        let few = ratio >= LEAST_RATIO;
-        if !few {
-            ratio = ratio_of(error::<E, f32, S, Half>(simd, gradient));
-        }
-        if ratio < LEAST_RATIO {
-            return None;
-        }
+        let serves = |digits| {
+            let ratio = ratio::<S, E>(simd, law, digits, gradient, tolerance);
+            (ratio >= LEAST_RATIO).then_some((digits, ratio))
+        };
+        let (digits, ratio) = serves(Digits::Few).or_else(|| serves(Digits::Half))?;
         let extent = reach::<T>(xs, ys[0]).max(reach::<T>(ys, ys[0]));
         // If the targets are as near to each other as close pairs are, then most pairs of theirs may be close.
         let spread = reach::<T>(xs, xs[0]) * ratio >= 4.0 * extent;
         let in_range = extent <= GREATEST_EXTENT && extent >= GREATEST_EXTENT.recip();
         let scale = power_of_two(extent).recip();
-        (in_range && spread).then_some(Self { few, ratio, scale })
+        (in_range && spread).then_some(Self { law, digits, ratio, scale })
     }
 
     /// Adds the block.
@@ -111,18 +108,19 @@ impl Single {
         for (ys, qs) in ys.chunks(CHUNK).zip(qs.chunks(CHUNK)) {
             let sources = Sources::round(self.scale, ys, qs, &mut rounded);
             // Two loops are compiled, each for its digits.
-            if self.few {
-                self.chunk::<S, E, T, C, O, Few, N>(simd, xs, &sources, us);
+            if self.digits == Digits::Few {
+                self.chunk::<S, E, T, C, O, N>(simd, Digits::Few, xs, &sources, us);
             } else {
-                self.chunk::<S, E, T, C, O, Half, N>(simd, xs, &sources, us);
+                self.chunk::<S, E, T, C, O, N>(simd, Digits::Half, xs, &sources, us);
             }
         }
     }
 
     #[inline(always)]
-    fn chunk<S, E, T, C, O, D, const N: usize>(
+    fn chunk<S, E, T, C, O, const N: usize>(
         self,
         simd: S,
+        digits: Digits,
         mut xs: &[Point<T>],
         sources: &Sources<'_, T, C, N>,
         mut us: &mut [O::Value],
@@ -132,7 +130,6 @@ impl Single {
         T: Real,
         C: Numbers<Real = T>,
         O: Output<T, C>,
-        D: Digits,
     {
         let lanes = lanes::<f32, S>();
         while !xs.is_empty() {
@@ -141,20 +138,21 @@ impl Single {
             let (x, rest_x) = xs.split_at(count);
             let (u, rest_u) = us.split_at_mut(count);
             if size == 1 {
-                self.group::<S, E, T, C, O, D, 1, N>(simd, x, sources, u);
+                self.group::<S, E, T, C, O, 1, N>(simd, digits, x, sources, u);
             } else if size == 2 {
-                self.group::<S, E, T, C, O, D, 2, N>(simd, x, sources, u);
+                self.group::<S, E, T, C, O, 2, N>(simd, digits, x, sources, u);
             } else {
-                self.group::<S, E, T, C, O, D, 3, N>(simd, x, sources, u);
+                self.group::<S, E, T, C, O, 3, N>(simd, digits, x, sources, u);
             }
             (xs, us) = (rest_x, rest_u);
         }
     }
 
     #[inline(always)]
-    fn group<S, E, T, C, O, D, const G: usize, const N: usize>(
+    fn group<S, E, T, C, O, const G: usize, const N: usize>(
         self,
         simd: S,
+        digits: Digits,
         xs: &[Point<T>],
         sources: &Sources<'_, T, C, N>,
         us: &mut [O::Value],
@@ -164,8 +162,8 @@ impl Single {
         T: Real,
         C: Numbers<Real = T>,
         O: Output<T, C>,
-        D: Digits,
     {
+        let how = (self.law, digits, O::GRADIENT);
         let x = load::<f32, S, _, G>(simd, xs, |x| round::<T>(x, sources.centre, self.scale));
         let least = self.least(simd, &x);
         let one = f32::splat(simd, 1.0);
@@ -180,7 +178,7 @@ impl Single {
                 for g in 0..G {
                     let (d, r2) = difference::<f32, S, G>(simd, &x, g, y);
                     nearest[g] = f32::lesser(simd, nearest[g], r2);
-                    part.add::<E, D>(simd, O::GRADIENT, g, (d, r2), None, q);
+                    part.add(simd, how, g, (d, r2), None, q);
                 }
             }
             let mut apart = one;
@@ -196,7 +194,7 @@ impl Single {
                     let bit = simd.splat_f32s((1 << (j % BITS)) as f32);
                     for g in 0..G {
                         let (d, r2) = difference::<f32, S, G>(simd, &x, g, y);
-                        part.add::<E, D>(simd, O::GRADIENT, g, (d, r2), Some(least[g]), q);
+                        part.add(simd, how, g, (d, r2), Some(least[g]), q);
                         let bit = f32::where_at_least(simd, r2, least[g], bit);
                         let apart = &mut apart[(j - first) / BITS][g];
                         *apart = simd.add_f32s(*apart, bit);
@@ -212,7 +210,7 @@ impl Single {
             }
             sums.accumulate(simd, &part, O::GRADIENT);
         }
-        let [k, slope] = units::<E, f32, S, D>(simd);
+        let [k, slope] = self.law.units::<f32, S>(simd, digits);
         // r^(−2λ) and r^(−2λ−1) in the units of lengths.
         let power = (2.0 * E::LAMBDA) as i32;
         let units =
@@ -244,16 +242,23 @@ impl Single {
 /// ρ: how many times as long as r the coordinates of a pair may be together.
 ///
 /// K and its gradient are products of P = 2λ, or 2λ + 3, lengths, each off by η = ρ u and by roundings; the error of
-/// the sum is bounded by one rounding for each term of a piece and for each piece. With e the [`error`] of
+/// the sum is bounded by one rounding for each term of a piece and for each piece. With e the [`error`](Law::error) of
 /// reciprocals, all that is within the tolerance ε where
 ///
 /// (1 − η)^(−P) (1 + e) (1 + (6 (P + 1) + PIECE + CHUNK/PIECE) u) ≤ 1 + ε.
 ///
 /// With 1 + δ for what (1 − η)^(−P) may be and w = δ/(P (1 + δ)), η = w/(1 + w) is less than the solution, and near it.
 #[inline(always)]
-fn ratio<E: Exponent>(error: f64, gradient: bool, tolerance: f64) -> f64 {
+fn ratio<S: Simd, E: Exponent>(
+    simd: S,
+    law: Law,
+    digits: Digits,
+    gradient: bool,
+    tolerance: f64,
+) -> f64 {
     let lengths = 2.0 * E::LAMBDA + if gradient { 3.0 } else { 0.0 };
     let roundings = 6.0 * (lengths + 1.0) + (PIECE + CHUNK / PIECE) as f64;
+    let error = law.error::<f32, S>(simd, digits, gradient);
     let rest = (1.0 + tolerance) / ((1.0 + error) * (1.0 + roundings * ROUNDING));
     let w = (rest - 1.0) / (lengths * rest);
     w / ((1.0 + w) * ROUNDING)

@@ -25,7 +25,8 @@ impl<E: Exponent> WithSimd for How<'_, E> {
 
     fn with_simd<S: Simd>(self, simd: S) -> Option<Single> {
         let Self(tolerance, gradient, xs, ys, _) = self;
-        Single::of::<S, E, f64>(simd, gradient, tolerance, (xs, ys))
+        let law = Law::of::<E>()?;
+        Single::of::<S, E, f64>(simd, law, gradient, tolerance, (xs, ys))
     }
 }
 
