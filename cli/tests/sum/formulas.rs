@@ -119,7 +119,7 @@ fn second_derivatives_follow_the_gradients() {
 #[test]
 fn operators_of_one_run_serve_the_next() {
     let folder = Folder::new(4000);
-    let flags = "--kernel exp(-k*r)/r --param k=2 --tolerance 1e-3 --repeat 1000 --operators found";
+    let flags = "--kernel exp(-k*r)/r --param k=2 --tolerance 1e-3 --repeat 30 --operators found";
     let few = "--kernel yukawa --tolerance 1e-3 --operators found/none --targets targets.csv";
     folder.write("targets.csv", "0,0,0\n");
     succeed(&folder.sum(&format!("{OWN} {few}")));

@@ -92,6 +92,7 @@ const CASES: [Case; 6] = [
 ];
 
 #[test]
+#[ignore = "a long table; .ci/full runs it"]
 fn raw_form_factors_are_those_known_exactly() {
     println!("| form factor | elements | relative error | order |");
     let mut missed = Vec::new();
@@ -122,6 +123,7 @@ fn raw_form_factors_are_those_known_exactly() {
 }
 
 #[test]
+#[ignore = "a long table; .ci/full runs it"]
 fn the_error_of_rows_is_what_rays_estimate() {
     type Body = (&'static str, fn(usize) -> Parts, [usize; 2], fn(&[Element], usize) -> f64);
     let bodies: [Body; 4] = [
