@@ -1,14 +1,17 @@
-//! `farfield` on the command line: sums over points from files, light or radiant heat in scenes, and form factors.
+//! `farfield` on the command line: sums over points from files, light or radiant heat in scenes, daylight, and form factors.
 //!
 //! ```sh
 //! farfield radiosity --scene columns --elements 30000
 //! farfield factors --scene room.vs3 --out room.txt
+//! farfield daylight --scene street.obj --sun times.csv --out daylight.csv
 //! farfield sum --points points.npy --charges charges.npy --kernel inverse-distance --out values.npy
 //! ```
 //!
 //! `farfield kernels` lists the kernels that `sum` knows by name; it takes formulas, too. `farfield help`
 //! and, say, `farfield radiosity --help` explain every flag.
 
+mod csv;
+mod daylight;
 mod factors;
 mod interrupt;
 mod kernels;
@@ -22,7 +25,7 @@ use std::process::ExitCode;
 use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
 
-/// Fast multipole sums over points from files, light or radiant heat in scenes, and form factors.
+/// Fast multipole sums over points from files, light or radiant heat in scenes, daylight, and form factors.
 #[derive(Debug, Parser)]
 #[command(name = "farfield", version)]
 struct Cli {
@@ -32,6 +35,7 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    Daylight(Box<daylight::Args>),
     Factors(Box<factors::Args>),
     /// Lists the kernels that `farfield sum` knows by name, with their formulas and parameters
     Kernels,
@@ -41,6 +45,7 @@ enum Command {
 
 fn main() -> ExitCode {
     match Cli::try_parse() {
+        Ok(Cli { command: Command::Daylight(args) }) => daylight::main(&args),
         Ok(Cli { command: Command::Factors(args) }) => factors::main(&args),
         Ok(Cli { command: Command::Kernels }) => kernels::main(),
         Ok(Cli { command: Command::Radiosity(args) }) => radiosity::main(&args),

@@ -7,7 +7,7 @@
 //!
 //! "loaded" is the time to load the operators from a folder and to build the same plan with them. Kernels marked with
 //! a star state their identity; of the others a quarter of the values is evaluated again that went into the operators. Every plan's
-//! error is checked at sampled targets.
+//! error is checked at sampled targets, relative to what the tolerance is.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -113,7 +113,7 @@ impl Case<'_> {
     /// Prints a row; whether the tolerance is kept.
     fn measure<K>(&self, name: &str, tolerance: f64, kernel: impl Fn() -> K) -> bool
     where
-        K: Kernel<Real = f64, Source = DVec3, Target = DVec3, Charge = f64, Value = f64>,
+        K: Kernel<Real = f64, Entry = f64, Source = DVec3, Target = DVec3, Charge = f64, Value = f64>,
     {
         let is_asked = self.kernels.iter().any(|part| name.contains(&part[..]));
         if !self.kernels.is_empty() && !is_asked {
@@ -144,7 +144,7 @@ impl Case<'_> {
         kernel: impl Fn() -> K,
     ) -> Result<[f64; 4], Box<dyn std::error::Error>>
     where
-        K: Kernel<Real = f64, Source = DVec3, Target = DVec3, Charge = f64, Value = f64>,
+        K: Kernel<Real = f64, Entry = f64, Source = DVec3, Target = DVec3, Charge = f64, Value = f64>,
     {
         let plan = |store: &OperatorStore| -> Result<Fmm<Interpolation<K>>, Error> {
             let builder = Fmm::builder(kernel()).tolerance(tolerance).operator_store(store);
@@ -162,7 +162,29 @@ impl Case<'_> {
         store.load(self.folder)?;
         let fmm = plan(&store)?;
         let loaded = start.elapsed().as_secs_f64();
-        let (_, certificate) = fmm.apply_certified(&clouds::charges(self.points.len()))?;
-        Ok([first, loaded, bytes as f64, certificate.estimate])
+        let charges = clouds::charges(self.points.len());
+        let (values, certificate) = fmm.apply_certified(&charges)?;
+        let share = self.share_of_size(&kernel(), &charges, &values);
+        Ok([first, loaded, bytes as f64, certificate.estimate * share])
+    }
+
+    /// ‖u‖ in units of what a tolerance is relative to: the larger of ‖u‖ and s, s² = Σ (K q)², both at some targets.
+    fn share_of_size<K>(&self, kernel: &K, charges: &[f64], values: &[f64]) -> f64
+    where
+        K: Kernel<Real = f64, Entry = f64, Source = DVec3, Target = DVec3>,
+    {
+        let mut entries = vec![0.0; self.points.len()];
+        let (mut u, mut s) = (0.0, 0.0);
+        for i in (0..self.points.len()).step_by(self.points.len().div_ceil(JUDGED)) {
+            kernel.entries_block(&self.points[i..=i], self.points, &mut entries);
+            let terms = entries.iter().zip(charges).zip(self.points);
+            let others = terms.filter(|(_, y)| **y != self.points[i]);
+            s += others.map(|((k, q), _)| (k * q).powi(2)).sum::<f64>();
+            u += values[i].powi(2);
+        }
+        if s > u { (u / s).sqrt() } else { 1.0 }
     }
 }
+
+/// Targets at which it is measured what a tolerance is relative to.
+const JUDGED: usize = 64;

@@ -6,6 +6,7 @@ use ndarray::ArrayView2;
 use ndarray_npy::WriteNpyExt;
 
 use super::matrix::Matrix;
+use crate::csv::quoted;
 
 /// A line for each group with its name, its area, its emissivity, its factors, and what these lack to 1.
 ///
@@ -69,15 +70,6 @@ pub(crate) fn view3d(
     }
     let emissivity = |k: usize| format!("{:.3}", matrix.emissivity(k));
     writeln!(file, "{}", joined((0..count).map(emissivity).collect()))
-}
-
-/// A name as a cell of CSV (RFC 4180).
-fn quoted(name: &str) -> String {
-    if name.contains([',', '"', '\n', '\r']) {
-        format!("\"{}\"", name.replace('"', "\"\""))
-    } else {
-        name.to_owned()
-    }
 }
 
 #[cfg(test)]

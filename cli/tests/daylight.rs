@@ -1,0 +1,120 @@
+//! `farfield daylight`: closed forms of a yard beside a wall, and refusals.
+
+use std::fs;
+use std::process::{Command, Output};
+
+const BINARY: &str = env!("CARGO_BIN_EXE_farfield");
+
+/// A yard of 2 by 2, and a wall of height 2 along its south, which faces it.
+const YARD: &str = "mtllib yard.mtl\n\
+    v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nv -1 -1 2\nv 1 -1 2\n\
+    usemtl yard\nf 1 2 3 4\nusemtl wall\nf 2 1 5 6\n";
+const MATERIALS: &str = "newmtl yard\nKd 0.2 0.2 0.2\nnewmtl wall\nKd 0.5 0.5 0.5\n";
+
+/// Runs the program beside a file of the sun's positions, and returns the table that it writes.
+fn run(suns: &str, arguments: &[&str]) -> (Output, String) {
+    let folder = tempfile::tempdir().expect("a folder");
+    for (name, text) in [("yard.obj", YARD), ("yard.mtl", MATERIALS), ("suns.csv", suns)] {
+        fs::write(folder.path().join(name), text).expect("written");
+    }
+    let output = Command::new(BINARY)
+        .current_dir(folder.path())
+        .args(["daylight", "--scene", "yard.obj", "--out", "found.csv", "--quiet"])
+        .args(arguments)
+        .output()
+        .expect("the program runs");
+    (output, fs::read_to_string(folder.path().join("found.csv")).unwrap_or_default())
+}
+
+/// The means over the elements of a material, by area: `sky`, `ground` and the columns behind them.
+fn means(table: &str, material: &str) -> Vec<f64> {
+    let (mut sums, mut area) = (Vec::new(), 0.0);
+    for line in table.lines().skip(1) {
+        let cells: Vec<&str> = line.split(',').collect();
+        if cells[7] == material {
+            let numbers = cells[6..].iter().filter_map(|cell| cell.parse::<f64>().ok());
+            let numbers: Vec<f64> = numbers.collect();
+            sums.resize(numbers.len() - 1, 0.0);
+            sums.iter_mut().zip(&numbers[1..]).for_each(|(sum, x)| *sum += numbers[0] * x);
+            area += numbers[0];
+        }
+    }
+    sums.into_iter().map(|sum| sum / area).collect()
+}
+
+fn close(found: f64, expected: f64, what: &str) {
+    assert!((found - expected).abs() < 5e-3, "{what}: {found}, expected {expected}");
+}
+
+const SUNS: &str = "# of a day\ntime,azimuth,elevation\nlow,180,30\n\nhigh, 180, 80\nnorth,0,30\n\
+    west,-90,30\nnight,180,-5\n";
+
+#[test]
+fn a_yard_beside_a_wall_receives_what_closed_forms_say() {
+    let (output, table) = run(SUNS, &["--elements", "2000", "--sun", "suns.csv"]);
+    assert!(output.status.success(), "{output:?}");
+    let header = "x,y,z,nx,ny,nz,area,material,sky,ground,sun_low,sun_high,sun_north,sun_west,\
+        sun_night\n";
+    assert!(table.starts_with(header), "{table:.200}");
+    // Squares that meet at a right angle: 0.200044 of what leaves one arrives at the other.
+    const BETWEEN: f64 = 0.200_043_776;
+    let yard = means(&table, "yard");
+    close(yard[0], 1.0 - BETWEEN, "sky above the yard");
+    close(yard[1], 0.0, "ground below the yard");
+    let (sin, cos) = 30f64.to_radians().sin_cos();
+    close(yard[2], 0.0, "in the shadow of the wall");
+    let (high, along) = 80f64.to_radians().sin_cos();
+    close(yard[3], (1.0 - along / high) * high, "beyond a short shadow");
+    close(yard[4], sin, "sun before the wall");
+    close(yard[5], sin, "sun along the wall");
+    assert_eq!(yard[6], 0.0);
+    let wall = means(&table, "wall");
+    close(wall[0], 0.5, "sky before the wall");
+    close(wall[1], 0.5 - BETWEEN, "ground before the wall, beside the yard");
+    assert_eq!(wall[2..4], [0.0; 2], "sun behind the wall");
+    close(wall[4], cos, "sun before the wall");
+
+    let (output, table) = run(SUNS, &["--elements", "500", "--sky", "overcast"]);
+    assert!(output.status.success(), "{output:?}");
+    // Half the sky's cosine, and 2 sin γ of it: 3/(7π) (π/2 + 4/3).
+    close(means(&table, "wall")[0], 0.396_176, "overcast sky before a wall");
+}
+
+#[test]
+fn other_axes_and_other_numbers_of_threads_change_nothing() {
+    let all = |arguments: &[&str]| {
+        let (output, table) = run(SUNS, arguments);
+        assert!(output.status.success(), "{output:?}");
+        table
+    };
+    let plain = ["--elements", "100", "--sun", "suns.csv", "--rays", "64"];
+    let found = all(&plain);
+    assert_eq!(all(&[&plain[..], &["--threads", "1"]].concat()), found);
+    let same = [&plain[..], &["--zenith", "0,0,7", "--north", "0,2,1"]].concat();
+    assert_eq!(all(&same), found);
+    let turned = [&plain[..], &["--north", "0,-1,0"]].concat();
+    assert!(means(&all(&turned), "yard")[2] > 0.4, "the wall is in the north now");
+}
+
+#[test]
+fn what_is_wrong_is_named() {
+    let refused = |suns: &str, arguments: &[&str], expected: &str| {
+        let (output, table) = run(suns, arguments);
+        let message = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(!output.status.success() && table.is_empty(), "{message}");
+        assert!(message.contains(expected), "{message}");
+    };
+    let with = ["--sun", "suns.csv"];
+    refused("", &with, "suns.csv, line 1: expected a header time,azimuth,elevation");
+    refused("azimuth,elevation\n", &with, "line 1: expected a header");
+    let headed = |line: &str| format!("time,azimuth,elevation\n{line}\n");
+    refused(&headed("9,1"), &with, "line 2: expected a time, an azimuth and an elevation");
+    refused(&headed("9,1,91"), &with, "expected an elevation from -90 to 90 degrees, found `91`");
+    refused(&headed("9,x,1"), &with, "expected an azimuth");
+    refused(&headed("9,NaN,1"), &with, "expected an azimuth");
+    refused(&headed("9,1,1\n9,2,2"), &with, "line 3: expected a time without quotes");
+    refused(SUNS, &["--sun", "none.csv"], "none.csv: ");
+    refused(SUNS, &["--zenith", "0,1,0"], "--north [0.0, 1.0, 0.0]: expected a direction");
+    refused(SUNS, &["--zenith", "0,0"], "expected three finite numbers");
+    refused(SUNS, &["--rays", "0"], "--rays");
+}
