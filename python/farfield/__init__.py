@@ -245,6 +245,10 @@ class Plan:
         """Of the matrix that the plan applies: numbers of all targets, numbers of all sources."""
         return (self._targets * self._fields, self._sources * self._densities)
 
+    def __repr__(self) -> str:
+        more = (", gradient=True", ", hessian=True")[self._derivatives - 1] if self._derivatives else ""
+        return f"<farfield.Plan: {self._sources} sources, {self._targets} targets, {self.dtype}{more}>"
+
     def __call__(self, q: Any) -> Any:
         """The sums for charges q, as `sum` returns them."""
         charges = _array("q", q)
@@ -278,7 +282,11 @@ class Plan:
         def transposed(w: Any) -> Any:
             return self.T._flat(w)
 
-        return LinearOperator(self.shape, matvec=product, rmatvec=transposed, dtype=self.dtype)
+        operator_of = dict(matvec=product, rmatvec=transposed, dtype=self.dtype)
+        if self._fields == self._densities == 1:
+            # Columns of a matrix together take less than one after the other.
+            operator_of.update(matmat=self, rmatmat=lambda w: self.T(w))
+        return LinearOperator(self.shape, **operator_of)
 
     def _flat(self, q: Any) -> Any:
         """The sums for charges in one row, in one row."""

@@ -171,6 +171,7 @@ def test_transposes_solve_least_squares():
     linalg = pytest.importorskip("scipy.sparse.linalg")
     plan = ff.plan("exp(-10*r)", X[:60], targets=Y, tolerance=1e-9)
     assert plan.T.T is plan and plan.T.shape == (60, 400)
+    assert repr(plan) == "<farfield.Plan: 60 sources, 400 targets, float64>"
     operator = plan.as_linear_operator()
     w, q = RANDOM.random(400), RANDOM.random(60)
     assert abs(w @ (operator @ q) - q @ (operator.T @ w)) < 1e-12 * np.linalg.norm(w) * np.linalg.norm(operator @ q)
@@ -192,7 +193,13 @@ def test_linear_operators_solve():
     operator = ff.plan("exp(-10*r)", X[:300], coincident="formula", tolerance=1e-9).as_linear_operator()
     solution, state = linalg.cg(operator, Q[:300], rtol=1e-8, maxiter=2000)
     assert state == 0 and error(operator @ solution, Q[:300]) < 1e-6
+    several = RANDOM.random((300, 4))
+    products = operator @ several
+    assert products.shape == (300, 4)
+    assert all(error(products[:, k], operator @ several[:, k]) < 1e-9 for k in range(4))
+    assert error(operator.T @ several, products) < 1e-9, "the kernel is symmetric"
     vectors = ff.plan("stokeslet", X[:10]).as_linear_operator()
+    assert (vectors @ np.ones((30, 2))).shape == (30, 2)
     assert (vectors @ np.ones(30)).shape == (30,)
     with pytest.raises(ff.InputError, match="gradient"):
         ff.plan("r", X[:10], gradient=True).as_linear_operator()
