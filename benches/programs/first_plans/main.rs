@@ -113,7 +113,14 @@ impl Case<'_> {
     /// Prints a row; whether the tolerance is kept.
     fn measure<K>(&self, name: &str, tolerance: f64, kernel: impl Fn() -> K) -> bool
     where
-        K: Kernel<Real = f64, Entry = f64, Source = DVec3, Target = DVec3, Charge = f64, Value = f64>,
+        K: Kernel<
+                Real = f64,
+                Entry = f64,
+                Source = DVec3,
+                Target = DVec3,
+                Charge = f64,
+                Value = f64,
+            >,
     {
         let is_asked = self.kernels.iter().any(|part| name.contains(&part[..]));
         if !self.kernels.is_empty() && !is_asked {
@@ -144,7 +151,14 @@ impl Case<'_> {
         kernel: impl Fn() -> K,
     ) -> Result<[f64; 4], Box<dyn std::error::Error>>
     where
-        K: Kernel<Real = f64, Entry = f64, Source = DVec3, Target = DVec3, Charge = f64, Value = f64>,
+        K: Kernel<
+                Real = f64,
+                Entry = f64,
+                Source = DVec3,
+                Target = DVec3,
+                Charge = f64,
+                Value = f64,
+            >,
     {
         let plan = |store: &OperatorStore| -> Result<Fmm<Interpolation<K>>, Error> {
             let builder = Fmm::builder(kernel()).tolerance(tolerance).operator_store(store);
