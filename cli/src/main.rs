@@ -16,6 +16,7 @@ mod factors;
 mod interrupt;
 mod kernels;
 mod memory;
+mod outdoors;
 mod progress;
 mod radiosity;
 mod sum;

@@ -1,4 +1,4 @@
-//! `farfield daylight`: closed forms of a yard beside a wall, and refusals.
+//! Daylight by `farfield daylight` and `farfield radiosity`: closed forms of a yard beside a wall, and refusals.
 
 use std::fs;
 use std::process::{Command, Output};
@@ -74,7 +74,7 @@ fn a_yard_beside_a_wall_receives_what_closed_forms_say() {
     assert_eq!(wall[2..4], [0.0; 2], "sun behind the wall");
     close(wall[4], cos, "sun before the wall");
 
-    let (output, table) = run(SUNS, &["--elements", "500", "--sky", "overcast"]);
+    let (output, table) = run(SUNS, &["--elements", "500", "--sky-model", "overcast"]);
     assert!(output.status.success(), "{output:?}");
     // Half the sky's cosine, and 2 sin γ of it: 3/(7π) (π/2 + 4/3).
     close(means(&table, "wall")[0], 0.396_176, "overcast sky before a wall");
@@ -117,4 +117,78 @@ fn what_is_wrong_is_named() {
     refused(SUNS, &["--zenith", "0,1,0"], "--north [0.0, 1.0, 0.0]: expected a direction");
     refused(SUNS, &["--zenith", "0,0"], "expected three finite numbers");
     refused(SUNS, &["--rays", "0"], "--rays");
+}
+
+/// Solves the yard with these materials, and returns what is printed, the report, and the mean irradiances of yard and
+/// wall.
+fn solve(materials: &str, arguments: &[&str]) -> (Output, String, [f64; 2]) {
+    let folder = tempfile::tempdir().expect("a folder");
+    for (name, text) in [("yard.obj", YARD), ("yard.mtl", materials)] {
+        fs::write(folder.path().join(name), text).expect("written");
+    }
+    let fixed = ["--scene", "yard.obj", "--elements", "800", "--no-picture", "--bands", "1"];
+    let output = Command::new(BINARY)
+        .current_dir(folder.path())
+        .args(["radiosity", "--out", "found", "--quiet"])
+        .args(fixed)
+        .args(arguments)
+        .output()
+        .expect("the program runs");
+    let read = |name: &str| fs::read_to_string(folder.path().join("found").join(name));
+    let table = read("elements.csv").unwrap_or_default();
+    let (mut sums, mut areas) = ([0.0; 2], [0.0; 2]);
+    for line in table.lines().skip(1) {
+        let cells: Vec<f64> = line.split(',').map(|cell| cell.parse().expect("a number")).collect();
+        // The wall faces along the second axis.
+        let k = usize::from(cells[4] > 0.5);
+        sums[k] += cells[6] * cells[11];
+        areas[k] += cells[6];
+    }
+    (output, read("report.json").unwrap_or_default(), [sums[0] / areas[0], sums[1] / areas[1]])
+}
+
+#[test]
+fn light_from_outside_is_reflected_as_that_of_lamps() {
+    let solved = |materials: &str, arguments: &[&str]| {
+        let (output, report, means) = solve(materials, arguments);
+        assert!(output.status.success(), "{output:?}");
+        (report, means)
+    };
+    let black = "newmtl yard\nKd 0 0 0\nnewmtl wall\nKd 0 0 0\n";
+    let (sin, cos) = 30f64.to_radians().sin_cos();
+    let (report, [yard, wall]) = solved(black, &["--sky", "100", "--sun", "0,30,1000"]);
+    close(yard / 100.0, 0.8 + 10.0 * sin, "sky and sun on a black yard");
+    close(wall / 100.0, 0.5 + 10.0 * cos, "sky and sun on a black wall");
+    let key = report.split("\"daylight\": ").nth(1).and_then(|rest| rest.split(',').next());
+    let power: f64 = key.expect("a key").parse().expect("a number");
+    close(power / (4.0 * (yard + wall)), 1.0, "the power that arrives");
+    let (_, [yard, wall]) = solved(black, &["--sky", "100", "--ground", "0.5"]);
+    close(yard / 100.0, 0.8, "no ground above the yard");
+    close(wall / 100.0, 0.5 + 0.5 * 0.3, "the sky and what the ground reflects of it");
+
+    let reflecting = "newmtl yard\nKd 0.5 0.5 0.5\nnewmtl wall\nKd 0 0 0\n";
+    let shining = "newmtl yard\nKd 0.5 0.5 0.5\nKe 250 250 250\nnewmtl wall\nKd 0 0 0\n";
+    let (_, lit) = solved(reflecting, &["--sun", "0,30,1000"]);
+    let (report, lamp) = solved(shining, &[]);
+    assert!(report.contains("\"daylight\": null"), "{report}");
+    assert!(lamp[1] > 49.0, "{lamp:?}");
+    close((lit[1] - 1000.0 * cos) / lamp[1], 1.0, "what the yard passes on to the wall");
+    close(lit[0] / 500.0, 1.0, "the wall is black");
+    let (_, both) = solved(shining, &["--sun", "0,30,1000"]);
+    close((both[1] - 1000.0 * cos) / lamp[1], 2.0, "of a lamp and of the sun");
+}
+
+#[test]
+fn light_from_outside_that_does_not_arrive_or_is_none_is_refused() {
+    let refused = |arguments: &[&str], expected: &str| {
+        let (output, report, _) = solve(MATERIALS, arguments);
+        let message = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(!output.status.success() && report.is_empty(), "{message}");
+        assert!(message.contains(expected), "{message}");
+    };
+    refused(&["--sun", "0,-5,1000"], "neither the sky nor the sun reaches the scene");
+    refused(&["--sky", "0"], "neither the sky nor the sun reaches the scene");
+    refused(&["--sky", "1", "--visibility", "none"], "expected --visibility exact or fractional");
+    refused(&["--sky", "1", "--north", "0,0,1"], "--north [0.0, 0.0, 1.0]: expected a direction");
+    refused(&[], "nothing in the scene emits light");
 }

@@ -1,8 +1,10 @@
 //! From the points of all ranks and choices to a plan.
 
+use std::hash::{DefaultHasher, Hash, Hasher};
+
 use farfield::{
-    DispatchLevel, Expansion, Interpolation, Kernel, Located, Numbers, PartCell, PartMoments,
-    PointSet, Real, RealOf, SourceOf, TargetOf, Vector,
+    Cube, DispatchLevel, Expansion, Interpolation, Kernel, Located, Numbers, PartCell, PartMoments,
+    Point, PointSet, Real, RealOf, Scalar, SourceOf, TargetOf, Vector,
 };
 
 use crate::collective::{agree, any};
@@ -61,8 +63,8 @@ where
     ///
     /// # Errors
     /// On all ranks alike, if a rank's input is refused as by [`farfield::Builder::build`], if the ranks' choices or
-    /// [instructions](DispatchLevel) are not the same, or if there are too many points. That the kernels are the same is
-    /// for the caller to see to.
+    /// [instructions](DispatchLevel) are not the same, or if there are too many points. Kernels are told apart by their
+    /// values for a few pairs of points in the cube around all points.
     pub fn build(
         mut self,
         my_sources: &[SourceOf<E>],
@@ -70,8 +72,8 @@ where
     ) -> Result<DistributedFmm<'a, E>, Error> {
         let ranks = self.ranks;
         let leaf_size = agree(ranks, self.check(my_sources, my_targets))?;
-        check_alike(ranks, &self.expansion, leaf_size)?;
         let root = root_cube(ranks, my_sources, my_targets)?;
+        check_alike(ranks, &self.expansion, &root, leaf_size)?;
         let (sources, own_sources) = Layout::new(ranks, &root, my_sources, leaf_size)?;
         let same = my_sources.len() == my_targets.len()
             && my_sources.iter().zip(my_targets).all(|(y, x)| y.position() == x.position());
@@ -148,13 +150,21 @@ where
 fn check_alike<E: Expansion>(
     ranks: &dyn Transport,
     expansion: &E,
+    root: &Cube<RealOf<E>>,
     leaf_size: usize,
 ) -> Result<(), Error> {
     let level = agree(ranks, DispatchLevel::in_force())?;
     let costs = expansion.costs(2);
-    let names = ["dispatch level", "leaf size", "tolerance of a pair", "number of terms"];
-    let own =
-        format!("{level}\n{leaf_size}\n{:e}\n{}", costs.pair_tolerance, costs.terms).into_bytes();
+    let names = [
+        "dispatch level",
+        "leaf size",
+        "tolerance of a pair",
+        "number of terms",
+        "digest of values of the kernel",
+    ];
+    let (tolerance, terms) = (costs.pair_tolerance, costs.terms);
+    let digest = digest(expansion.kernel(), root);
+    let own = format!("{level}\n{leaf_size}\n{tolerance:e}\n{terms}\n{digest:016x}").into_bytes();
     let all = ranks.gather(&own.into_iter().map(u64::from).collect::<Vec<u64>>())?;
     let text = |words: &Vec<u64>| words.iter().map(|&byte| byte as u8 as char).collect::<String>();
     let all: Vec<String> = all.iter().map(text).collect();
@@ -168,6 +178,32 @@ fn check_alike<E: Expansion>(
     }
     Ok(())
 }
+
+/// A number that another kernel has another of, as good as surely: from the bits of its values for all pairs of some points
+/// in the cube.
+fn digest<K: Kernel>(kernel: &K, root: &Cube<K::Real>) -> u64 {
+    let place = |i: usize, axis: usize| {
+        let share = ((i + 1) as f64 * STEPS[axis]).fract() * 2.0 - 1.0;
+        root.centre().to_array()[axis] + K::Real::from_f64(share) * root.half_width()
+    };
+    let points: [Point<K::Real>; DIGESTED] =
+        std::array::from_fn(|i| Point::<K::Real>::from_array([0, 1, 2].map(|axis| place(i, axis))));
+    let (fields, densities) = (kernel.fields(), kernel.densities());
+    let zero = <K::Entry as Numbers>::zero();
+    let mut entries = vec![zero; DIGESTED * DIGESTED * fields * densities];
+    kernel.entries_block(&points, &points, &mut entries);
+    let mut hasher = DefaultHasher::new();
+    (fields, densities, kernel.columns()).hash(&mut hasher);
+    let parts = entries.iter().flat_map(|entry| entry.parts());
+    parts.for_each(|part| part.as_f64().to_bits().hash(&mut hasher));
+    hasher.finish()
+}
+
+/// Points for a digest; the pairs of a point with itself are among theirs.
+const DIGESTED: usize = 4;
+/// By which shares of the cube one point follows the other: spread evenly (Roberts, "The unreasonable effectiveness of
+/// quasirandom sequences", 2018).
+const STEPS: [f64; 3] = [0.819_172_5, 0.671_043_6, 0.549_700_5];
 
 fn check_positions<P: Located>(set: PointSet, points: &[P]) -> Result<(), farfield::Error> {
     match points.iter().position(|p| !p.position().is_finite()) {

@@ -221,6 +221,26 @@ fn ranks_that_choose_differently_are_told_so() {
     assert_eq!(error_of_all(&|input| input.2 = 1e-3), tolerances);
 }
 
+#[test]
+fn other_kernels_on_other_ranks_are_refused() {
+    let built = |shift: f64| {
+        let results = on_threads(3, |ranks| {
+            let points = clouds::cube(50, ranks.rank() as u64);
+            let shift = if ranks.rank() == 2 { shift } else { 0.0 };
+            let kernel = from_fn(move |x: DVec3, y: DVec3| (-(1.0 + shift) * x.distance(y)).exp());
+            DistributedFmm::builder(kernel, ranks).build(&points, &points).map(|_| ())
+        });
+        assert!(results.iter().all(|result| *result == results[0]), "{results:?}");
+        results[0].clone()
+    };
+    assert_eq!(built(0.0), Ok(()));
+    let what = "digest of values of the kernel";
+    for shift in [1.0, 1e-9] {
+        let error = built(shift).unwrap_err();
+        assert!(matches!(error, Error::Unlike { rank: 2, what: w, .. } if w == what), "{error}");
+    }
+}
+
 /// The most that a rank sends in an application, needs of others, and holds.
 #[derive(Debug)]
 struct Most {

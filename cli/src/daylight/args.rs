@@ -2,7 +2,9 @@
 
 use std::path::PathBuf;
 
-use clap::{Parser, ValueEnum};
+use clap::Parser;
+
+use crate::outdoors::Outdoors;
 
 /// What the sky, the ground around and the sun give each element of a scene, past all that hides them.
 ///
@@ -28,22 +30,13 @@ pub(crate) struct Args {
         value_parser = clap::value_parser!(u32).range(1..=4_000_000), allow_negative_numbers = true)]
     pub(crate) elements: u32,
 
-    /// How bright the sky is, direction by direction
-    #[arg(long, value_enum, default_value_t = SkyName::Uniform)]
-    pub(crate) sky: SkyName,
+    #[command(flatten)]
+    pub(crate) outdoors: Outdoors,
 
     /// Positions of the sun: a CSV file with the columns time, azimuth, elevation; the time is any name, azimuths are in
     /// degrees from north by east, elevations in degrees above the horizon, and a sun below it gives nothing
     #[arg(long, value_name = "FILE")]
     pub(crate) sun: Option<PathBuf>,
-
-    /// Which way is up
-    #[arg(long, value_name = "X,Y,Z", default_value = "0,0,1", value_parser = vector, allow_hyphen_values = true)]
-    pub(crate) zenith: [f64; 3],
-
-    /// Which way is north; what of it is not horizontal doesn't count
-    #[arg(long, value_name = "X,Y,Z", default_value = "0,1,0", value_parser = vector, allow_hyphen_values = true)]
-    pub(crate) north: [f64; 3],
 
     /// Rays from each element to the sky, and to each position of the sun: the error is about 0.5/√rays at most, and
     /// mostly much less
@@ -58,23 +51,4 @@ pub(crate) struct Args {
     /// Number of threads; 0 takes one per core. The result is the same for any number
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u16).range(..=1024))]
     pub(crate) threads: u16,
-}
-
-/// How bright the sky is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum SkyName {
-    /// As bright everywhere
-    Uniform,
-    /// The overcast sky of the CIE, three times as bright in the zenith as at the horizon
-    Overcast,
-}
-
-fn vector(text: &str) -> Result<[f64; 3], String> {
-    let numbers =
-        text.split(',').map(|word| word.trim().parse().ok().filter(|x: &f64| x.is_finite()));
-    let numbers: Option<Vec<f64>> = numbers.collect();
-    let vector = numbers.and_then(|numbers| <[f64; 3]>::try_from(numbers).ok());
-    vector.filter(|vector| *vector != [0.0; 3]).ok_or_else(|| {
-        "expected three finite numbers, not all of them zero, such as 0,0,1".to_owned()
-    })
 }

@@ -5,6 +5,8 @@ use std::path::PathBuf;
 
 use farfield_scenes::{OutputError, SceneError};
 
+use crate::outdoors::NorthIsUp;
+
 /// Why a run failed.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum Failure {
@@ -22,10 +24,8 @@ pub(crate) enum Failure {
     NoSurfaces(String),
     #[error("{}: expected a file that ends in .csv", _0.display())]
     Ending(PathBuf),
-    #[error(
-        "--north {north:?}: expected a direction other than up and down, which --zenith {zenith:?} says"
-    )]
-    NorthIsUp { zenith: [f64; 3], north: [f64; 3] },
+    #[error(transparent)]
+    North(#[from] NorthIsUp),
     #[error("{}: {source}", path.display())]
     Unreadable { path: PathBuf, source: io::Error },
     #[error("{}, line {line}: expected {expected}, found `{found}`", path.display())]

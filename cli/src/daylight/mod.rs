@@ -11,13 +11,12 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use farfield_radiosity::{Daylight, Sky, Surroundings};
+use farfield_radiosity::{Daylight, Surroundings};
 use farfield_scenes::{Mesh, Output, Scene, SceneError, Sight, load};
 use rayon::prelude::*;
 
-use self::args::SkyName;
 use self::failure::Failure;
-use self::suns::{Compass, Sun};
+use self::suns::Sun;
 use crate::csv::quoted;
 use crate::interrupt::Interrupt;
 use crate::progress::Progress;
@@ -37,7 +36,7 @@ fn run(args: &Args) -> Result<(), Failure> {
     if !args.out.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("csv")) {
         return Err(Failure::Ending(args.out.clone()));
     }
-    let compass = Compass::new(args.zenith, args.north)?;
+    let compass = args.outdoors.compass()?;
     let suns = args.sun.as_ref().map(|path| suns::read(path, &compass)).transpose()?;
     let folder = args.out.parent().filter(|folder| !folder.as_os_str().is_empty());
     let mut output = Output::new(folder.unwrap_or(Path::new(".")))?;
@@ -53,7 +52,7 @@ fn run(args: &Args) -> Result<(), Failure> {
         drop(writeln!(io::stderr(), "farfield daylight: warning: {what}"));
     }
     let mesh = Mesh::new(&scene, args.elements as usize)?;
-    let received = received(args, &scene, &mesh, &compass, suns.unwrap_or_default())?;
+    let received = received(args, &scene, &mesh, suns.unwrap_or_default())?;
     interrupt.hold(true);
     output.write_at(&args.out, |file| table(file, &scene, &mesh, &received))?;
     Ok(output.publish()?)
@@ -66,18 +65,9 @@ struct Received {
     suns: Vec<(String, Vec<f64>)>,
 }
 
-fn received(
-    args: &Args,
-    scene: &Scene,
-    mesh: &Mesh,
-    compass: &Compass,
-    suns: Vec<Sun>,
-) -> Result<Received, Failure> {
+fn received(args: &Args, scene: &Scene, mesh: &Mesh, suns: Vec<Sun>) -> Result<Received, Failure> {
     let progress = Progress::new(args.quiet);
-    let sky = match args.sky {
-        SkyName::Uniform => Sky::uniform(compass.zenith),
-        SkyName::Overcast => Sky::overcast(compass.zenith),
-    }?;
+    let sky = args.outdoors.sky()?;
     let (count, rays) = (mesh.elements.len(), args.rays as usize);
     let sight = Sight::new(scene, mesh)?;
     // No rays of its own: the daylight sends as many as it is asked for.

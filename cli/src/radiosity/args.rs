@@ -6,6 +6,9 @@ use clap::{Parser, ValueEnum};
 use farfield_scenes::Quantity;
 use serde::Serialize;
 
+use super::daylight::Sun;
+use crate::outdoors::Outdoors;
+
 /// Light or radiant heat in a scene: solves the radiosity equation by a fast multipole sum with
 /// occlusion, checks the sum against direct summation, and pictures the result.
 ///
@@ -51,6 +54,23 @@ pub(crate) struct Args {
     /// What is exchanged: heat takes the temperatures of materials, E = εσT⁴ with ε = 1 − ρ
     #[arg(long, value_enum, default_value_t = QuantityName::Light)]
     pub(crate) quantity: QuantityName,
+
+    /// What an open horizontal plane receives of the sky [W/m²], alike in all bands. Light from outside arrives past
+    /// everything that hides it, by about 4/tolerance rays from each element
+    #[arg(long, value_name = "IRRADIANCE", value_parser = irradiance, allow_negative_numbers = true)]
+    pub(crate) sky: Option<f64>,
+
+    /// Where the sun is, in degrees from north by east and above the horizon, and what a plane across its beam receives
+    /// [W/m²], such as 180,45,800
+    #[arg(long, value_name = "AZIMUTH,ELEVATION,IRRADIANCE", value_parser = Sun::parse, allow_hyphen_values = true)]
+    pub(crate) sun: Option<Sun>,
+
+    /// Which share of sky and sun the ground around the scene reflects
+    #[arg(long, value_name = "ALBEDO", default_value_t = 0.0, value_parser = albedo, allow_negative_numbers = true)]
+    pub(crate) ground: f64,
+
+    #[command(flatten)]
+    pub(crate) outdoors: Outdoors,
 
     /// Number of bands: 1 for their mean, or all that the scene has [default: all; 1 for heat]
     #[arg(long, value_name = "N", value_parser = bands, allow_negative_numbers = true)]
@@ -103,6 +123,11 @@ impl Args {
     pub(crate) fn element_count(&self) -> usize {
         let most = if self.is_adaptive() { MOST_ELEMENTS } else { ELEMENTS };
         self.elements.unwrap_or(most)
+    }
+
+    /// Whether light arrives from outside of the scene.
+    pub(crate) fn is_outdoors(&self) -> bool {
+        self.sky.is_some() || self.sun.is_some()
     }
 
     /// Whether the size of elements follows from the tolerance.
@@ -206,6 +231,16 @@ fn size(text: &str) -> Result<[usize; 2], String> {
 /// Columns and rows of a picture at most.
 const MOST_PIXELS: usize = 8192;
 
+fn irradiance(text: &str) -> Result<f64, String> {
+    let valid = text.parse().ok().filter(|&e: &f64| e >= 0.0 && e.is_finite());
+    valid.ok_or_else(|| "expected a finite number of 0 or more".to_owned())
+}
+
+fn albedo(text: &str) -> Result<f64, String> {
+    let valid = text.parse().ok().filter(|share| (0.0..=1.0).contains(share));
+    valid.ok_or_else(|| "expected a number from 0 to 1".to_owned())
+}
+
 fn tolerance(text: &str) -> Result<f64, String> {
     let valid = text.parse().ok().filter(|&t| 0.0 < t && t < 1.0);
     valid.ok_or_else(|| "expected a number between 0 and 1, both excluded".to_owned())
@@ -249,6 +284,12 @@ mod tests {
             ["--size", "0x10"],
             ["--size", "10x9000"],
             ["--size", "10x"],
+            ["--sky", "-1"],
+            ["--sky", "inf"],
+            ["--ground", "1.1"],
+            ["--sun", "1,2"],
+            ["--sun", "0,91,1"],
+            ["--sun", "0,1,-1"],
         ];
         for [option, value] in refused {
             let error = Args::try_parse_from(["radiosity", option, value]).expect_err(value);

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use farfield_scenes::{OutputError, SceneError};
 
 use super::warning::Warning;
+use crate::outdoors::NorthIsUp;
 
 /// Why a run failed.
 #[derive(Debug, thiserror::Error)]
@@ -19,6 +20,14 @@ pub(crate) enum Failure {
     Bands { found: usize, expected: usize },
     #[error("fractional visibility needs `--scheme fmm` and `--expansion interpolation`")]
     Unweighed,
+    #[error(
+        "--sky and --sun need surfaces that cast shadows: expected --visibility exact or fractional"
+    )]
+    Unhidden,
+    #[error("neither the sky nor the sun reaches the scene, and nothing in it emits")]
+    Unlit,
+    #[error(transparent)]
+    North(#[from] NorthIsUp),
     #[error("{0}; form factors alone come by `--form-factors FILE`")]
     Dark(Warning),
     #[error("--form-factors {}: expected a name that no other file of the run has", _0.display())]

@@ -10,6 +10,7 @@ mod args;
 mod balance;
 mod check;
 mod closing;
+mod daylight;
 mod delivery;
 mod exr;
 mod factors;

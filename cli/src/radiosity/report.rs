@@ -60,6 +60,8 @@ pub(crate) struct Report {
     pub(crate) to_backs: f64,
     /// And that leaves the scene.
     pub(crate) to_sky: f64,
+    /// The power that arrives from the sky, the ground around and the sun [W], in each band; none without these.
+    pub(crate) daylight: Option<f64>,
     /// Irradiances that came out below zero.
     pub(crate) negative: Negative,
     /// How far the exchange is from A_i F_ij = A_j F_ji.
@@ -185,6 +187,9 @@ impl Report {
         line("form factors off by", format!("{:.1e}, by rays", self.form_factor_error));
         line("light to the sky", percent(self.to_sky));
         line("light to backs", percent(self.to_backs));
+        if let Some(power) = self.daylight {
+            line("daylight", format!("{power:.4e} W"));
+        }
         let Negative { count, largest } = self.negative;
         if count > 0 {
             let what =

@@ -13,6 +13,7 @@ use super::args::{Args, ExpansionName, QuantityName, SchemeName, SolverName, Vis
 use super::balance::{RowSums, energy_residual, reflections};
 use super::check::Check;
 use super::closing;
+use super::daylight::daylight;
 use super::delivery::{FILES, Solved, deliver, write_factors};
 use super::failure::Failure;
 use super::figures::Figures;
@@ -56,7 +57,10 @@ pub(crate) fn run<const BANDS: usize>(
     {
         return Err(Failure::Unweighed);
     }
-    let dark = Warning::of_darkness(scene, args.quantity.into());
+    if args.is_outdoors() && args.visibility == VisibilityName::None {
+        return Err(Failure::Unhidden);
+    }
+    let dark = Warning::of_darkness(args, scene);
     let is_dark = dark.is_some();
     if let Some(dark) = dark.filter(|_| args.form_factors.is_none()) {
         return Err(Failure::Dark(dark));
@@ -158,9 +162,13 @@ impl Run<'_> {
         let nothing = Occluders::new(&[])?;
         let shadows =
             if args.visibility == VisibilityName::None { &nothing } else { sight.occluders() };
+        let bar = progress.spinner("daylight");
+        let daylight = daylight(args, scene, mesh, sight.occluders())?;
+        drop(bar);
         let mut visibility = Visibility::of_elements(shadows, elements);
         if args.visibility == VisibilityName::Fractional {
-            let optics = Optics::<1>::new(scene, mesh, args.quantity.into(), 1, 0);
+            let optics = Optics::<1>::new(scene, mesh, args.quantity.into(), 1, 0)
+                .lit_by(daylight.as_deref().unwrap_or_default());
             // Where nothing emits, form factors are all that counts, and all alike.
             let brightness = optics.brightness(&surfels).unwrap_or_default();
             visibility = visibility.fractional(tolerance, brightness)?;
@@ -234,7 +242,8 @@ impl Run<'_> {
             checked(&vec![[1.0; BANDS]; count])?;
         }
         for first in (0..if is_dark { 0 } else { bands }).step_by(BANDS) {
-            let optics = Optics::<BANDS>::new(scene, mesh, args.quantity.into(), bands, first);
+            let own = Optics::<BANDS>::new(scene, mesh, args.quantity.into(), bands, first);
+            let optics = own.clone().lit_by(daylight.as_deref().unwrap_or_default());
             let solution = exchange.solve(&optics, args.solver, tolerance, progress, interrupt);
             let mut solution = solution.map_err(|error| self.placed(error))?;
             if !solution.interrupted {
@@ -248,8 +257,10 @@ impl Run<'_> {
             for k in first..(first + BANDS).min(bands) {
                 for i in 0..count {
                     fields.radiosity[i * bands + k] = solution.radiosity[i][k - first];
-                    fields.emission[i * bands + k] = optics.emission[i][k - first];
-                    fields.irradiance[i * bands + k] = solution.irradiance[i][k - first];
+                    let from_outside = daylight.as_ref().map_or(0.0, |daylight| daylight[i]);
+                    fields.emission[i * bands + k] = own.emission[i][k - first];
+                    fields.irradiance[i * bands + k] =
+                        solution.irradiance[i][k - first] + from_outside;
                 }
             }
             checked(&solution.radiosity)?;
@@ -272,29 +283,9 @@ impl Run<'_> {
         }
 
         let by_pixel = args.quantity == QuantityName::Light
-            && !(args.no_picture || is_dark)
+            && !(args.no_picture || is_dark || args.is_outdoors())
             && direct_light_by_pixel(scene);
-        let indirect = || {
-            let mut field = zeros();
-            for first in (0..bands).step_by(BANDS) {
-                let reflected: Vec<[f64; BANDS]> = (0..count)
-                    .map(|i| {
-                        std::array::from_fn(|k| {
-                            let at = i * bands + first + k;
-                            let reflected = || fields.radiosity[at] - fields.emission[at];
-                            if first + k < bands { reflected() } else { 0.0 }
-                        })
-                    })
-                    .collect();
-                for (i, h) in operator.apply(&reflected)?.iter().enumerate() {
-                    for k in first..(first + BANDS).min(bands) {
-                        field[i * bands + k] = h[k - first];
-                    }
-                }
-            }
-            Ok::<_, Error>(field)
-        };
-        let indirect = by_pixel.then(indirect).transpose()?;
+        let indirect = by_pixel.then(|| exchange.indirect(&fields)).transpose()?;
 
         // Each iteration gathers once; Southwell's shots, pair by pair as they are, weigh as one.
         let sums = if args.solver == SolverName::Southwell { 1 } else { iterations };
@@ -306,6 +297,9 @@ impl Run<'_> {
             row_sums: RowSums::new(elements, &row_sums, &parts),
             row_error,
             seen: around.mean(),
+            daylight: daylight.map(|daylight| {
+                daylight.iter().zip(&surfels).map(|(h, surfel)| h * surfel.area).sum()
+            }),
             negative,
             reciprocity_error,
             closure,

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use super::args::SolverName;
 use crate::interrupt::Interrupt;
 use crate::progress::Progress;
-use farfield_scenes::Optics;
+use farfield_scenes::{Fields, Optics};
 
 /// The equation's residual in units of the tolerance: small enough not to add to the error.
 pub(crate) const RESIDUAL: f64 = 1e-2;
@@ -67,6 +67,29 @@ impl<const BANDS: usize> Exchange<'_, BANDS> {
             solution.irradiance = self.operator.apply(&solution.radiosity)?;
         }
         Ok(solution)
+    }
+
+    /// The irradiance by what elements reflect, band by band: the sums of B − E.
+    ///
+    /// # Errors
+    /// Those of the sum.
+    pub(crate) fn indirect(&self, fields: &Fields) -> Result<Vec<f64>, Error> {
+        let (bands, count) = (fields.bands, self.surfels.len());
+        let mut field = vec![0.0; count * bands];
+        for first in (0..bands).step_by(BANDS) {
+            let reflected = |i: usize, k: usize| {
+                let at = i * bands + first + k;
+                if first + k < bands { fields.radiosity[at] - fields.emission[at] } else { 0.0 }
+            };
+            let reflected: Vec<[f64; BANDS]> =
+                (0..count).map(|i| std::array::from_fn(|k| reflected(i, k))).collect();
+            for (i, h) in self.operator.apply(&reflected)?.iter().enumerate() {
+                for k in first..(first + BANDS).min(bands) {
+                    field[i * bands + k] = h[k - first];
+                }
+            }
+        }
+        Ok(field)
     }
 
     /// Southwell's relaxation: all bands at once where they share their factors, else one after the other.

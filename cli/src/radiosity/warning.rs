@@ -3,10 +3,10 @@
 use std::fmt;
 
 use farfield_radiosity::Surroundings;
-use farfield_scenes::{Mesh, Quantity, Scene, SceneError, Sight, fewest_elements};
+use farfield_scenes::{Mesh, Scene, SceneError, Sight, fewest_elements};
 use serde::Serialize;
 
-use super::args::Args;
+use super::args::{Args, QuantityName};
 
 /// Something that may be wrong.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -61,25 +61,26 @@ impl Warning {
         Self { kind, message }
     }
 
-    /// That nothing emits, if so.
-    pub(crate) fn of_darkness(scene: &Scene, quantity: Quantity) -> Option<Self> {
+    /// That nothing emits and no light comes from outside, if so.
+    pub(crate) fn of_darkness(args: &Args, scene: &Scene) -> Option<Self> {
         let materials = scene.materials_in_use();
-        let emits = match quantity {
-            Quantity::Light => materials.iter().any(|m| m.emission.iter().any(|&e| e > 0.0)),
-            Quantity::Heat => materials.iter().any(|m| m.temperature.is_some_and(|t| t > 0.0)),
+        let emits = match args.quantity {
+            QuantityName::Light => materials.iter().any(|m| m.emission.iter().any(|&e| e > 0.0)),
+            QuantityName::Heat => materials.iter().any(|m| m.temperature.is_some_and(|t| t > 0.0)),
         };
-        let message = match quantity {
-            Quantity::Light => {
+        let message = match args.quantity {
+            QuantityName::Light => {
                 "nothing in the scene emits light: expected a material with an emission, by `Ke` in a \
                  material file, by `emissiveFactor` in glTF, or by `emission` in a description (.toml), \
                  which may hold a mesh file"
             }
-            Quantity::Heat => {
+            QuantityName::Heat => {
                 "nothing in the scene has a temperature: expected `temperature` of a material in a \
                  description (.toml), which may hold a mesh file"
             }
         };
-        (!emits).then(|| Self::new(WarningKind::NothingEmits, message.to_owned()))
+        (!emits && !args.is_outdoors())
+            .then(|| Self::new(WarningKind::NothingEmits, message.to_owned()))
     }
 
     /// What is wrong with a scene, and with how many elements it is to have, before anything is summed;
@@ -92,9 +93,8 @@ impl Warning {
         scene: &Scene,
         found: usize,
     ) -> Result<Vec<Self>, SceneError> {
-        let quantity = args.quantity.into();
-        let mut warnings: Vec<Self> = Self::of_darkness(scene, quantity).into_iter().collect();
-        if quantity == Quantity::Heat && warnings.is_empty() {
+        let mut warnings: Vec<Self> = Self::of_darkness(args, scene).into_iter().collect();
+        if args.quantity == QuantityName::Heat && warnings.is_empty() {
             let materials = scene.materials_in_use();
             let without = materials.iter().filter(|material| material.temperature.is_none());
             let names: Vec<_> = without.map(|material| format!("`{}`", material.name)).collect();
@@ -270,7 +270,7 @@ mod tests {
         // A lamp that nothing is made of lights nothing.
         let lamp = farfield_scenes::Material::rgb("lamp", [0.0; 3], [1.0; 3]);
         scene.materials.push(lamp);
-        assert!(Warning::of_darkness(&scene, Quantity::Light).is_some());
+        assert!(Warning::of_darkness(&Args::parse_from(["radiosity"]), &scene).is_some());
     }
 
     #[test]

@@ -32,6 +32,16 @@ impl<const BANDS: usize> Optics<BANDS> {
         let (emission, reflectance) = mesh.material.iter().map(of).unzip();
         Self { emission, reflectance }
     }
+
+    /// Adds what elements reflect of light that arrives from outside of the scene: `irradiance` of each element
+    /// \[W/m²], alike in all bands.
+    pub fn lit_by(mut self, irradiance: &[f64]) -> Self {
+        let lit = self.emission.iter_mut().zip(&self.reflectance).zip(irradiance);
+        for ((emission, reflectance), irradiance) in lit {
+            emission.iter_mut().zip(reflectance).for_each(|(e, rho)| *e += rho * irradiance);
+        }
+        self
+    }
 }
 
 impl Optics<1> {
