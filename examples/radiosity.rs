@@ -19,7 +19,7 @@ use farfield_radiosity::{
     Corrections, Enclosure, Irradiance, RadiosityOperator, Stop, Surfel, Visibility,
     conjugate_gradients,
 };
-use farfield_scenes::{Fields, Mesh, Optics, Output, Picture, Quantity, Sight, load};
+use farfield_scenes::{ByPixel, Fields, Mesh, Optics, Output, Picture, Quantity, Sight, load};
 
 const HELP: &str = "\
 Light in the Cornell box: solved, checked against direct summation, and pictured.
@@ -109,7 +109,7 @@ fn run((elements, folder): (usize, PathBuf)) -> Result<String, Box<dyn Error>> {
     // takes from the elements only what they reflect to each other.
     let reflected = |(b, e): (&Bands, &Bands)| [0, 1, 2].map(|band| b[band] - e[band]);
     let reflected: Vec<Bands> = solution.radiosity.iter().zip(emission).map(reflected).collect();
-    let indirect = operator.apply(&reflected)?.into_flattened();
+    let by_pixel = ByPixel::of_lamps(operator.apply(&reflected)?.into_flattened());
     let fields = Fields {
         bands: scene.bands(),
         radiosity: solution.radiosity.into_flattened(),
@@ -117,7 +117,7 @@ fn run((elements, folder): (usize, PathBuf)) -> Result<String, Box<dyn Error>> {
         irradiance: solution.irradiance.into_flattened(),
         row_sums,
     };
-    let image = Picture::of_light(&sight, &fields, walls, Some(&indirect), Picture::SIZE, |_| ())?;
+    let image = Picture::of_light(&sight, &fields, walls, Some(&by_pixel), Picture::SIZE, |_| ())?;
     let report = serde_json::json!({
         "scene": "cornell", "elements": surfels.len(), "tolerance": TOLERANCE,
         "relative_l2_error": error, "sampled_surfels": sample.len(),

@@ -174,6 +174,8 @@ fn light_from_outside_is_reflected_as_that_of_lamps() {
     assert!(lamp[1] > 49.0, "{lamp:?}");
     close((lit[1] - 1000.0 * cos) / lamp[1], 1.0, "what the yard passes on to the wall");
     close(lit[0] / 500.0, 1.0, "the wall is black");
+    let (report, night) = solved(shining, &["--sun", "0,-5,1000"]);
+    assert!(night == lamp && report.contains("\"kind\": \"no-daylight\""), "{report}");
     let (_, both) = solved(shining, &["--sun", "0,30,1000"]);
     close((both[1] - 1000.0 * cos) / lamp[1], 2.0, "of a lamp and of the sun");
 }

@@ -45,7 +45,7 @@ pub use output::page::Page;
 pub use output::replacing::is_same_file;
 pub use output::table::Table;
 pub use pictures::colours::Colours;
-pub use pictures::lamps::direct_light_by_pixel;
+pub use pictures::lamps::{ByPixel, direct_light_by_pixel};
 pub use pictures::picture::Picture;
 pub use pictures::shading::Shading;
 pub use pictures::sight::Sight;

@@ -47,8 +47,35 @@ impl Sun {
     }
 }
 
-/// The irradiance of each element \[W/m²] by the sky, the ground around and the sun; none if there are neither sky nor sun.
-/// A sun below the horizon gives nothing.
+/// The irradiance of each element \[W/m²] from outside of the scene.
+pub(crate) struct Received {
+    /// By the sky and the ground around.
+    pub(crate) diffuse: Vec<f64>,
+    /// By the sun, if it is up.
+    pub(crate) beam: Option<Beam>,
+}
+
+/// The sun's.
+pub(crate) struct Beam {
+    /// The direction to the sun, a unit vector, and what a plane across the beam receives.
+    pub(crate) sun: (DVec3, f64),
+    /// What each element receives.
+    pub(crate) irradiance: Vec<f64>,
+}
+
+impl Received {
+    /// All of it.
+    pub(crate) fn total(&self) -> Vec<f64> {
+        let mut total = self.diffuse.clone();
+        if let Some(beam) = &self.beam {
+            total.iter_mut().zip(&beam.irradiance).for_each(|(total, beam)| *total += beam);
+        }
+        total
+    }
+}
+
+/// What elements receive from the sky, the ground around and the sun; none if there are neither sky nor sun. A sun below the
+/// horizon gives nothing.
 ///
 /// # Errors
 /// If north is no horizontal direction, or if no light comes from anywhere.
@@ -57,7 +84,7 @@ pub(crate) fn daylight(
     scene: &Scene,
     mesh: &Mesh,
     occluders: &Occluders,
-) -> Result<Option<Vec<f64>>, Failure> {
+) -> Result<Option<Received>, Failure> {
     if !args.is_outdoors() {
         return Ok(None);
     }
@@ -66,27 +93,29 @@ pub(crate) fn daylight(
     let rays = (RAYS / args.sum_tolerance()).clamp(LEAST_RAYS, MOST_RAYS) as usize;
     let around = Surroundings::new(elements, occluders, 1);
     let sun = args.sun.filter(|sun| sun.elevation > 0.0);
-    let (sky, beam) = (args.sky.unwrap_or(0.0), sun.map_or(0.0, |sun| sun.irradiance));
-    let on_ground = sky + sun.map_or(0.0, |sun| sun.elevation.to_radians().sin() * beam);
-    let ground = args.ground * on_ground;
+    let on_ground = |sun: Sun| sun.elevation.to_radians().sin() * sun.irradiance;
+    let sky = args.sky.unwrap_or(0.0);
+    let ground = args.ground * (sky + sun.map_or(0.0, on_ground));
     let model = args.outdoors.sky()?;
-    let diffuse = |element: usize| {
+    let diffuse_of = |element: usize| {
         let found: Daylight = around.daylight(element, &model, rays);
         sky * found.sky + ground * found.ground
     };
-    let mut received: Vec<f64> = if sky > 0.0 || ground > 0.0 {
-        (0..elements.len()).into_par_iter().map(diffuse).collect()
+    let diffuse = if sky > 0.0 || ground > 0.0 {
+        (0..elements.len()).into_par_iter().map(diffuse_of).collect()
     } else {
         vec![0.0; elements.len()]
     };
-    if let Some(sun) = sun {
-        let to_sun: DVec3 = compass.direction(sun.azimuth, sun.elevation);
-        let shares = around.sunlight(to_sun, rays)?;
-        received.iter_mut().zip(shares).for_each(|(received, share)| *received += beam * share);
-    }
+    let beam_of = |sun: Sun| {
+        let to_sun = compass.direction(sun.azimuth, sun.elevation);
+        let mut irradiance = around.sunlight(to_sun, rays)?;
+        irradiance.iter_mut().for_each(|share| *share *= sun.irradiance);
+        Ok::<_, Failure>(Beam { sun: (to_sun, sun.irradiance), irradiance })
+    };
+    let received = Received { diffuse, beam: sun.map(beam_of).transpose()? };
     let own = Optics::<1>::new(scene, mesh, args.quantity.into(), 1, 0);
-    let is_lit = |h: f64| h > 0.0;
-    if !(received.iter().copied().any(is_lit) || own.emission.iter().any(|&[e]| is_lit(e))) {
+    let emits = own.emission.iter().any(|&[e]| e > 0.0);
+    if !emits && received.total().iter().all(|&h| h == 0.0) {
         return Err(Failure::Unlit);
     }
     Ok(Some(received))

@@ -5,8 +5,8 @@ use std::path::Path;
 
 use farfield_radiosity::{Occluders, Surroundings};
 use farfield_scenes::{
-    Colours, Fields, Mesh, Output, OutputError, Page, Picture, Scene, Shading, Sight, Table,
-    png_uri,
+    ByPixel, Colours, Fields, Mesh, Output, OutputError, Page, Picture, Scene, Shading, Sight,
+    Table, png_uri,
 };
 
 use super::args::{Args, QuantityName, VisibilityName};
@@ -44,8 +44,8 @@ pub(crate) struct Solved {
     pub(crate) fields: Fields,
     /// What was measured.
     pub(crate) figures: Figures,
-    /// The irradiance of all light but what comes straight from lamps, where a picture needs it.
-    pub(crate) indirect: Option<Vec<f64>>,
+    /// What a picture gathers pixel by pixel, if anything.
+    pub(crate) by_pixel: Option<ByPixel>,
     /// What may be wrong with it.
     pub(crate) warnings: Vec<Warning>,
 }
@@ -98,13 +98,13 @@ pub(crate) fn deliver(
     progress: &Progress,
     output: &mut Output,
 ) -> Result<Report, Failure> {
-    let Solved { fields, figures, indirect, warnings: own } = solved;
+    let Solved { fields, figures, by_pixel, warnings: own } = solved;
     let is_solved = figures.residual.is_some();
     let sight = if args.no_picture { None } else { Some(Sight::new(scene, mesh)?) };
     // Without a solution there is no light to be seen, but form factors are.
     let picture = match &sight {
         Some(sight) if is_solved => {
-            Some(picture(args, sight, &fields, indirect.as_deref(), progress)?)
+            Some(picture(args, sight, &fields, by_pixel.as_ref(), progress)?)
         }
         _ => None,
     };
@@ -160,7 +160,7 @@ fn picture(
     args: &Args,
     sight: &Sight<'_>,
     fields: &Fields,
-    indirect: Option<&[f64]>,
+    by_pixel: Option<&ByPixel>,
     progress: &Progress,
 ) -> Result<Picture, Failure> {
     let bar = progress.bar("rendering");
@@ -170,7 +170,7 @@ fn picture(
             let nothing = Occluders::new(&[])?;
             let casts = args.visibility != VisibilityName::None;
             let shadows = if casts { sight.occluders() } else { &nothing };
-            Picture::of_light(sight, fields, shadows, indirect, size, bar.shower())?
+            Picture::of_light(sight, fields, shadows, by_pixel, size, bar.shower())?
         }
         QuantityName::Heat => Picture::of_heat(sight, fields, size, bar.shower())?,
     })

@@ -5,15 +5,14 @@ use std::io::{self, Write};
 
 use farfield_radiosity::{Error, Occluders, RadiosityOperator, Surfel, Surroundings, Visibility};
 use farfield_scenes::{
-    Cuts, Fields, Mesh, Optics, Output, Refinement, Scene, Sight, direct_light_by_pixel, even_cuts,
-    is_same_file,
+    Cuts, Fields, Mesh, Optics, Output, Refinement, Scene, Sight, even_cuts, is_same_file,
 };
 
 use super::args::{Args, ExpansionName, QuantityName, SchemeName, SolverName, VisibilityName};
 use super::balance::{RowSums, energy_residual, reflections};
 use super::check::Check;
 use super::closing;
-use super::daylight::daylight;
+use super::daylight::{Received, daylight};
 use super::delivery::{FILES, Solved, deliver, write_factors};
 use super::failure::Failure;
 use super::figures::Figures;
@@ -163,7 +162,8 @@ impl Run<'_> {
         let shadows =
             if args.visibility == VisibilityName::None { &nothing } else { sight.occluders() };
         let bar = progress.spinner("daylight");
-        let daylight = daylight(args, scene, mesh, sight.occluders())?;
+        let received = daylight(args, scene, mesh, sight.occluders())?;
+        let daylight = received.as_ref().map(Received::total);
         drop(bar);
         let mut visibility = Visibility::of_elements(shadows, elements);
         if args.visibility == VisibilityName::Fractional {
@@ -211,6 +211,7 @@ impl Run<'_> {
         let mut warnings =
             Warning::of_exchange(scene, mesh, &sight, &row_sums, |k| operator.scaling(k));
         warnings.extend(Warning::of_leaks(scene, mesh, &around));
+        warnings.extend(daylight.as_deref().and_then(Warning::of_daylight));
 
         let pairwise = Visibility::of_elements(shadows, elements);
         let exchange = Exchange { surfels: &surfels, operator: &operator, visibility: &pairwise };
@@ -282,10 +283,9 @@ impl Run<'_> {
             return Err(Failure::Inaccurate { error, sampled, tolerance });
         }
 
-        let by_pixel = args.quantity == QuantityName::Light
-            && !(args.no_picture || is_dark || args.is_outdoors())
-            && direct_light_by_pixel(scene);
-        let indirect = by_pixel.then(|| exchange.indirect(&fields)).transpose()?;
+        let is_shown = args.quantity == QuantityName::Light && !(args.no_picture || is_dark);
+        let by_pixel = is_shown.then(|| exchange.by_pixel(scene, &fields, received));
+        let by_pixel = by_pixel.transpose()?.flatten();
 
         // Each iteration gathers once; Southwell's shots, pair by pair as they are, weigh as one.
         let sums = if args.solver == SolverName::Southwell { 1 } else { iterations };
@@ -317,7 +317,7 @@ impl Run<'_> {
         };
         // What passes through everything was not to be what rays say.
         warnings.extend(Warning::of_level(bounces, row_error).filter(|_| !passes));
-        let mut solved = Solved { fields, figures, indirect, warnings };
+        let mut solved = Solved { fields, figures, by_pixel, warnings };
         if goes_on {
             return Ok(Outcome::TooCoarse(refinement.cuts, solved));
         }

@@ -11,9 +11,10 @@ use farfield_radiosity::{
 use rayon::prelude::*;
 
 use super::args::SolverName;
+use super::daylight::Received;
 use crate::interrupt::Interrupt;
 use crate::progress::Progress;
-use farfield_scenes::{Fields, Optics};
+use farfield_scenes::{ByPixel, Fields, Optics, Scene, direct_light_by_pixel};
 
 /// The equation's residual in units of the tolerance: small enough not to add to the error.
 pub(crate) const RESIDUAL: f64 = 1e-2;
@@ -69,11 +70,40 @@ impl<const BANDS: usize> Exchange<'_, BANDS> {
         Ok(solution)
     }
 
+    /// What a picture gathers pixel by pixel: light straight from few lamps, and from the sun.
+    ///
+    /// # Errors
+    /// Those of the sum.
+    pub(crate) fn by_pixel(
+        &self,
+        scene: &Scene,
+        fields: &Fields,
+        received: Option<Received>,
+    ) -> Result<Option<ByPixel>, Error> {
+        let lamps = direct_light_by_pixel(scene);
+        let (diffuse, beam) = received.map_or((None, None), |r| (Some(r.diffuse), r.beam));
+        if !lamps && beam.is_none() {
+            return Ok(None);
+        }
+        let mut rest = if lamps { self.indirect(fields)? } else { fields.irradiance.clone() };
+        let mut add = |irradiance: &[f64], sign: f64| {
+            for (rest, h) in rest.chunks_mut(fields.bands).zip(irradiance) {
+                rest.iter_mut().for_each(|rest| *rest += sign * h);
+            }
+        };
+        if lamps {
+            diffuse.iter().for_each(|diffuse| add(diffuse, 1.0));
+        } else {
+            beam.iter().for_each(|beam| add(&beam.irradiance, -1.0));
+        }
+        Ok(Some(ByPixel { rest, lamps, sun: beam.map(|beam| beam.sun) }))
+    }
+
     /// The irradiance by what elements reflect, band by band: the sums of B − E.
     ///
     /// # Errors
     /// Those of the sum.
-    pub(crate) fn indirect(&self, fields: &Fields) -> Result<Vec<f64>, Error> {
+    fn indirect(&self, fields: &Fields) -> Result<Vec<f64>, Error> {
         let (bands, count) = (fields.bands, self.surfels.len());
         let mut field = vec![0.0; count * bands];
         for first in (0..bands).step_by(BANDS) {

@@ -25,6 +25,8 @@ pub(crate) enum WarningKind {
     NothingEmits,
     /// Materials without a temperature, where heat is exchanged.
     NoTemperature,
+    /// The sky or the sun is given, and nothing of it reaches the scene.
+    NoDaylight,
     /// A file or a material that is named and isn't there.
     Missing,
     /// Surfaces that lie upon each other, so that they count twice.
@@ -119,6 +121,13 @@ impl Warning {
             warnings.push(Self::new(WarningKind::FewElements, message));
         }
         Ok(warnings)
+    }
+
+    /// That nothing of the sky and the sun reaches any element, if so.
+    pub(crate) fn of_daylight(received: &[f64]) -> Option<Self> {
+        let message = "neither the sky nor the sun reaches the scene";
+        let is_dark = received.iter().all(|&h| h == 0.0);
+        is_dark.then(|| Self::new(WarningKind::NoDaylight, message.to_owned()))
     }
 
     /// That light leaves a scene that is said to be closed, if so.

@@ -34,7 +34,7 @@ pub(crate) struct Lit<'a> {
     pub(crate) emission: &'a [Rgb],
     /// Their reflectance.
     pub(crate) reflectance: &'a [Rgb],
-    /// The irradiance \[W/m²\]; without what comes straight from lamps if these are given.
+    /// The irradiance \[W/m²\]; without what comes straight from lamps and the sun if these are given.
     pub(crate) irradiance: &'a Smooth,
     /// Lamps of which light is gathered per pixel, for as many turns as a pixel has rays, and what casts shadows.
     pub(crate) direct: Option<(&'a Lamps, &'a Occluders)>,

@@ -26,10 +26,31 @@ pub fn direct_light_by_pixel(scene: &Scene) -> bool {
         && !scene.points.iter().any(|point| shines(point.material))
 }
 
-/// Emitting surfaces, ready to be gathered from.
+/// Light that a picture gathers pixel by pixel, with sharp shadows.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ByPixel {
+    /// The irradiance \[W/m²\] of all other light, element by element and band by band.
+    pub rest: Vec<f64>,
+    /// Whether what comes straight from lamps is gathered, which is worth it where [`direct_light_by_pixel`] says so.
+    pub lamps: bool,
+    /// The direction to the sun, a unit vector, and what a plane across its beam receives \[W/m²\] in every band, if
+    /// there is a sun.
+    pub sun: Option<(DVec3, f64)>,
+}
+
+impl ByPixel {
+    /// Only what comes straight from lamps.
+    pub fn of_lamps(rest: Vec<f64>) -> Self {
+        Self { rest, lamps: true, sun: None }
+    }
+}
+
+/// Emitting surfaces and the sun, ready to be gathered from.
 #[derive(Clone, Debug)]
 pub(crate) struct Lamps {
     lamps: Vec<Lamp>,
+    /// From any point to beyond everything, towards the sun; and what a plane across its beam receives.
+    sun: Option<(DVec3, f64)>,
     /// How many turns a pixel takes.
     turns: usize,
 }
@@ -75,7 +96,17 @@ impl Lamps {
             let pieces = pieces.filter_map(|corners| Piece::new(&corners, rays)).collect();
             Lamp { whole: Shape::new(patch), exitance, face, pieces }
         });
-        Self { lamps: lamps.collect(), turns: rays * rays }
+        Self { lamps: lamps.collect(), sun: None, turns: rays * rays }
+    }
+
+    /// The same, and the sun of a scene in these elements, if there is one.
+    pub(crate) fn with_sun(mut self, mesh: &Mesh, sun: Option<(DVec3, f64)>) -> Self {
+        let corners = || mesh.triangles.iter().flat_map(|triangle| triangle.vertices);
+        let low = corners().fold(DVec3::INFINITY, DVec3::min);
+        let high = corners().fold(DVec3::NEG_INFINITY, DVec3::max);
+        let reach = low.distance(high).max(f64::MIN_POSITIVE);
+        self.sun = sun.map(|(to_sun, irradiance)| (2.0 * reach * to_sun, irradiance));
+        self
     }
 
     /// The irradiance straight from the lamps \[W/m²\] by the points of one turn. Over all turns every
@@ -96,7 +127,7 @@ impl Lamps {
         let segments: Vec<Segment> = segments.collect();
         let mut hidden = vec![false; segments.len()];
         shadows.blocked_each(&segments, |k, is_hidden| hidden[k] = is_hidden);
-        let (mut sum, mut rest) = ([0.0; 3], &hidden[..]);
+        let (mut sum, mut rest) = ([self.beam(receiver, shadows); 3], &hidden[..]);
         for (lamp, factor) in faced {
             let (own, others) = rest.split_at(lamp.pieces.len());
             rest = others;
@@ -104,6 +135,15 @@ impl Lamps {
             sum = [0, 1, 2].map(|band| sum[band] + factor * lamp.exitance[band]);
         }
         sum
+    }
+
+    /// The irradiance by the sun.
+    fn beam(&self, receiver: &Receiver, shadows: &Occluders) -> f64 {
+        let Some((way, irradiance)) = self.sun else { return 0.0 };
+        let &Receiver { position, normal, face } = receiver;
+        let cosine = normal.dot(way) / way.length();
+        let is_lit = cosine > 0.0 && !shadows.blocked(position, position + way, [face; 2]);
+        if is_lit { cosine * irradiance } else { 0.0 }
     }
 }
 
@@ -285,6 +325,26 @@ mod tests {
         let receiver = Receiver { position: DVec3::new(0.5, 0.5, 0.0), normal: UP, face: 0 };
         let (half, whole) = (mean(&receiver, &cover)[0], mean(&receiver, &open)[0]);
         assert!((half / whole - 0.5).abs() < 0.1, "{half} of {whole}");
+    }
+
+    #[test]
+    fn the_sun_reaches_what_faces_it_and_nothing_hides() {
+        let roof = sheet(DVec3::new(-1.0, -1.0, 1.0), 2.0 * DVec3::X, 2.0 * DVec3::Y, 9);
+        let mesh = Mesh { triangles: roof.clone(), ..Mesh::default() };
+        let roof = Occluders::new(&roof).expect("finite");
+        let to_sun = DVec3::new(0.6, 0.0, 0.8);
+        let lamps =
+            Lamps::new(&Scene::default(), &mesh, &[], 3).with_sun(&mesh, Some((to_sun, 10.0)));
+        let at = |x: f64, normal| {
+            let receiver = Receiver { position: DVec3::X * x, normal, face: 0 };
+            lamps.irradiance(&receiver, 4, &roof)
+        };
+        // The shadow of the roof, from -1.75 to 0.25.
+        assert_eq!([at(-1.7, UP), at(0.2, UP)], [[0.0; 3]; 2]);
+        for (x, normal, expected) in [(-1.8, UP, 8.0), (0.3, UP, 8.0), (0.3, DVec3::X, 6.0)] {
+            assert!(at(x, normal).iter().all(|h| (h - expected).abs() < 1e-12), "at {x}");
+        }
+        assert_eq!(at(0.3, -DVec3::X), [0.0; 3]);
     }
 
     #[test]

@@ -7,7 +7,7 @@ use crate::pictures::camera::Camera;
 use crate::pictures::colours::{Colours, temperature};
 use crate::pictures::exposure::RAYS;
 use crate::pictures::film::{Film, Lit};
-use crate::pictures::lamps::Lamps;
+use crate::pictures::lamps::{ByPixel, Lamps};
 use crate::pictures::palette;
 use crate::pictures::sight::Sight;
 use crate::pictures::smooth::Smooth;
@@ -31,10 +31,8 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// The light that a camera sees. Given `indirect`, the irradiance \[W/m²\] of all light but what comes
-    /// straight from lamps, the lamps' light is gathered pixel by pixel with sharp shadows, which is
-    /// worth it where [`direct_light_by_pixel`](crate::direct_light_by_pixel) says so. `size` is that of the
-    /// picture, columns and rows; `progress` is told the fraction done.
+    /// The light that a camera sees. What `by_pixel` says is gathered pixel by pixel, with sharp shadows; all else is that
+    /// of the elements, smoothed. `size` is that of the picture, columns and rows; `progress` is told the fraction done.
     ///
     /// # Errors
     /// [`Error::LengthMismatch`] unless the fields match the mesh.
@@ -42,11 +40,11 @@ impl Picture {
         sight: &Sight,
         fields: &Fields,
         shadows: &Occluders,
-        indirect: Option<&[f64]>,
+        by_pixel: Option<&ByPixel>,
         size: [usize; 2],
         progress: impl Fn(f64) + Sync,
     ) -> Result<Self, Error> {
-        let irradiance = indirect.unwrap_or(&fields.irradiance);
+        let irradiance = by_pixel.map_or(&fields.irradiance, |by_pixel| &by_pixel.rest);
         for (what, field) in [
             ("radiosity", &fields.radiosity[..]),
             ("emission", &fields.emission),
@@ -62,7 +60,11 @@ impl Picture {
         let film = Film { camera, backs, size, evenness: EVENNESS };
         let emission = of(&fields.emission);
         let irradiance = Smooth::new(&mesh.elements, sight, sight.occluders(), &of(irradiance));
-        let lamps = Lamps::new(scene, mesh, &emission, RAYS);
+        let lamps = by_pixel.map(|by_pixel| {
+            let dark = vec![[0.0; 3]; emission.len()];
+            let emission = if by_pixel.lamps { &emission } else { &dark };
+            Lamps::new(scene, mesh, emission, RAYS).with_sun(mesh, by_pixel.sun)
+        });
         let reflectance: Vec<Rgb> = mesh
             .material
             .iter()
@@ -73,7 +75,7 @@ impl Picture {
             emission: &emission,
             reflectance: &reflectance,
             irradiance: &irradiance,
-            direct: indirect.map(|_| (&lamps, shadows)),
+            direct: lamps.as_ref().map(|lamps| (lamps, shadows)),
         };
         let values = film.radiances(sight, &lit, rows_done(size, &progress));
         let tone = ToneMap::exposing(&values);
