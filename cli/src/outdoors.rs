@@ -3,6 +3,7 @@
 use clap::{Args, ValueEnum};
 use farfield::glam::DVec3;
 use farfield_radiosity::{Error, Sky};
+use farfield_scenes::Scene;
 use serde::Serialize;
 
 /// The flags that say how a scene stands below the sky.
@@ -12,13 +13,13 @@ pub(crate) struct Outdoors {
     #[arg(long, value_enum, default_value_t = SkyModel::Uniform)]
     pub(crate) sky_model: SkyModel,
 
-    /// Which way is up
-    #[arg(long, value_name = "X,Y,Z", default_value = "0,0,1", value_parser = vector, allow_hyphen_values = true)]
-    zenith: [f64; 3],
+    /// Which way is up [default: what is up for the scene's camera, or 0,1,0]
+    #[arg(long, value_name = "X,Y,Z", value_parser = vector, allow_hyphen_values = true)]
+    zenith: Option<[f64; 3]>,
 
-    /// Which way is north; what of it is not horizontal doesn't count
-    #[arg(long, value_name = "X,Y,Z", default_value = "0,1,0", value_parser = vector, allow_hyphen_values = true)]
-    north: [f64; 3],
+    /// Which way is north; what of it is not horizontal doesn't count [default: 0,0,-1, or 0,1,0 where z is up or down]
+    #[arg(long, value_name = "X,Y,Z", value_parser = vector, allow_hyphen_values = true)]
+    north: Option<[f64; 3]>,
 }
 
 /// How bright the sky is.
@@ -32,20 +33,29 @@ pub(crate) enum SkyModel {
 }
 
 impl Outdoors {
-    /// The directions of angles.
+    /// The directions of angles around a scene.
     ///
     /// # Errors
     /// If north is up or down.
-    pub(crate) fn compass(&self) -> Result<Compass, NorthIsUp> {
-        Compass::new(self.zenith, self.north)
+    pub(crate) fn compass(&self, scene: &Scene) -> Result<Compass, NorthIsUp> {
+        let zenith = self.zenith(scene);
+        let up = unit(DVec3::from_array(zenith));
+        let usual = if up.z.abs() > 0.9 { DVec3::Y } else { -DVec3::Z };
+        Compass::new(zenith, self.north.unwrap_or(usual.to_array()))
     }
 
-    /// The sky, in units of what an open horizontal plane receives of it.
+    /// Which way is up, a vector of any length but zero.
+    fn zenith(&self, scene: &Scene) -> [f64; 3] {
+        let up = || scene.camera.map_or(DVec3::Y, |camera| camera.up).to_array();
+        self.zenith.unwrap_or_else(up)
+    }
+
+    /// The sky above a scene, in units of what an open horizontal plane receives of it.
     ///
     /// # Errors
     /// None that the flags let through.
-    pub(crate) fn sky(&self) -> Result<Sky, Error> {
-        let zenith = DVec3::from_array(self.zenith);
+    pub(crate) fn sky(&self, scene: &Scene) -> Result<Sky, Error> {
+        let zenith = DVec3::from_array(self.zenith(scene));
         match self.sky_model {
             SkyModel::Uniform => Sky::uniform(zenith),
             SkyModel::Overcast => Sky::overcast(zenith),
@@ -141,5 +151,20 @@ mod tests {
         let compass = Compass::new([0.0, 1e200, 0.0], [0.0, 0.0, -1e-200]).unwrap();
         assert!(compass.direction(90.0, 0.0).distance(DVec3::X) < 1e-15);
         assert!(Compass::new([0.0, 0.0, 1.0], [0.0, 0.0, -5.0]).is_err());
+    }
+
+    #[test]
+    fn up_is_what_it_is_for_the_camera() {
+        let outdoors = Outdoors { sky_model: SkyModel::Uniform, zenith: None, north: None };
+        let compass = |scene: &Scene| outdoors.compass(scene).expect("no north that is up");
+        let y = Compass::new([0.0, 1.0, 0.0], [0.0, 0.0, -1.0]).expect("across");
+        assert_eq!(compass(&Scene::default()), y);
+        let mut scene = farfield_scenes::generate("canyon").expect("a scene");
+        assert_eq!(compass(&scene), y);
+        scene.camera.as_mut().expect("there is one").up = DVec3::Z * 2.0;
+        let z = Compass::new([0.0, 0.0, 1.0], [0.0, 1.0, 0.0]).expect("across");
+        assert_eq!(compass(&scene), z);
+        let said = Outdoors { zenith: Some([1.0, 0.0, 0.0]), ..outdoors };
+        assert_eq!(said.compass(&scene).expect("across").direction(0.0, 90.0).x, 1.0);
     }
 }

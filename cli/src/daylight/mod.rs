@@ -36,8 +36,6 @@ fn run(args: &Args) -> Result<(), Failure> {
     if !args.out.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("csv")) {
         return Err(Failure::Ending(args.out.clone()));
     }
-    let compass = args.outdoors.compass()?;
-    let suns = args.sun.as_ref().map(|path| suns::read(path, &compass)).transpose()?;
     let folder = args.out.parent().filter(|folder| !folder.as_os_str().is_empty());
     let mut output = Output::new(folder.unwrap_or(Path::new(".")))?;
     output.check(&args.out)?;
@@ -48,6 +46,8 @@ fn run(args: &Args) -> Result<(), Failure> {
         SceneError::Empty => Failure::NoSurfaces(args.scene.clone()),
         error => Failure::Scene(error),
     })?;
+    let compass = args.outdoors.compass(&scene)?;
+    let suns = args.sun.as_ref().map(|path| suns::read(path, &compass)).transpose()?;
     for what in scene.missing.iter().chain(&scene.doubts).chain(&scene.overlaps()) {
         drop(writeln!(io::stderr(), "farfield daylight: warning: {what}"));
     }
@@ -67,7 +67,7 @@ struct Received {
 
 fn received(args: &Args, scene: &Scene, mesh: &Mesh, suns: Vec<Sun>) -> Result<Received, Failure> {
     let progress = Progress::new(args.quiet);
-    let sky = args.outdoors.sky()?;
+    let sky = args.outdoors.sky(scene)?;
     let (count, rays) = (mesh.elements.len(), args.rays as usize);
     let sight = Sight::new(scene, mesh)?;
     // No rays of its own: the daylight sends as many as it is asked for.

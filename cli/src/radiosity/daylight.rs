@@ -89,14 +89,14 @@ pub(crate) fn daylight(
         return Ok(None);
     }
     let elements = &mesh.elements;
-    let compass = args.outdoors.compass()?;
+    let compass = args.outdoors.compass(scene)?;
     let rays = (RAYS / args.sum_tolerance()).clamp(LEAST_RAYS, MOST_RAYS) as usize;
     let around = Surroundings::new(elements, occluders, 1);
     let sun = args.sun.filter(|sun| sun.elevation > 0.0);
     let on_ground = |sun: Sun| sun.elevation.to_radians().sin() * sun.irradiance;
     let sky = args.sky.unwrap_or(0.0);
     let ground = args.ground * (sky + sun.map_or(0.0, on_ground));
-    let model = args.outdoors.sky()?;
+    let model = args.outdoors.sky(scene)?;
     let diffuse_of = |element: usize| {
         let found: Daylight = around.daylight(element, &model, rays);
         sky * found.sky + ground * found.ground
