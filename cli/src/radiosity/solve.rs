@@ -190,7 +190,9 @@ impl<const BANDS: usize> Exchange<'_, BANDS> {
 mod tests {
     use super::*;
 
+    use crate::radiosity::daylight::Beam;
     use crate::radiosity::fixture::exchanging;
+    use farfield::glam::DVec3;
     use farfield::relative_l2_error;
     use farfield_radiosity::Enclosure;
     use farfield_scenes::Quantity;
@@ -221,5 +223,29 @@ mod tests {
                 }
             }
         });
+    }
+
+    #[test]
+    fn what_pixels_gather_is_not_in_the_rest() {
+        for (name, lamps, expected) in [("two-rooms", true, 1.0), ("canyon", false, 3.0)] {
+            exchanging::<3>(name, 600, None, |scene, mesh, exchange| {
+                let count = mesh.elements.len();
+                let all = |number: f64| vec![number; count];
+                let (radiosity, emission, irradiance) = (all(7.0), all(7.0), all(5.0));
+                let row_sums = all(1.0);
+                let fields = Fields { bands: 1, radiosity, emission, irradiance, row_sums };
+                let sun = (DVec3::Y, 4.0);
+                let received = || Received {
+                    diffuse: all(1.0),
+                    beam: Some(Beam { sun, irradiance: all(2.0) }),
+                };
+                let found = exchange.by_pixel(scene, &fields, Some(received())).expect("summed");
+                // Nothing is reflected: light by lamps aside, only the sky is left; or all but the sun.
+                let (rest, sun) = (all(expected), Some(sun));
+                assert_eq!(found, Some(ByPixel { rest, lamps, sun }));
+                let night = exchange.by_pixel(scene, &fields, None).expect("summed");
+                assert_eq!(night.map(|light| light.rest), lamps.then(|| all(0.0)));
+            });
+        }
     }
 }
