@@ -9,9 +9,9 @@ use serde::Serialize;
 /// The flags that say how a scene stands below the sky.
 #[derive(Clone, Debug, PartialEq, Args)]
 pub(crate) struct Outdoors {
-    /// How bright the sky is, direction by direction
-    #[arg(long, value_enum, default_value_t = SkyModel::Uniform)]
-    pub(crate) sky_model: SkyModel,
+    /// How bright the sky is, direction by direction [default: uniform]
+    #[arg(long, value_enum)]
+    pub(crate) sky_model: Option<SkyModel>,
 
     /// Which way is up [default: what is up for the scene's camera, or 0,1,0]
     #[arg(long, value_name = "X,Y,Z", value_parser = vector, allow_hyphen_values = true)]
@@ -56,10 +56,20 @@ impl Outdoors {
     /// None that the flags let through.
     pub(crate) fn sky(&self, scene: &Scene) -> Result<Sky, Error> {
         let zenith = DVec3::from_array(self.zenith(scene));
-        match self.sky_model {
+        match self.sky_model() {
             SkyModel::Uniform => Sky::uniform(zenith),
             SkyModel::Overcast => Sky::overcast(zenith),
         }
+    }
+
+    /// How bright the sky is.
+    pub(crate) fn sky_model(&self) -> SkyModel {
+        self.sky_model.unwrap_or(SkyModel::Uniform)
+    }
+
+    /// Whether any of the flags is given.
+    pub(crate) fn is_given(&self) -> bool {
+        self.sky_model.is_some() || self.zenith.is_some() || self.north.is_some()
     }
 }
 
@@ -76,9 +86,9 @@ pub(crate) struct NorthIsUp {
 /// Which way is up, east and north: unit vectors across each other.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Compass {
-    zenith: DVec3,
+    pub(crate) zenith: DVec3,
     east: DVec3,
-    north: DVec3,
+    pub(crate) north: DVec3,
 }
 
 impl Compass {
@@ -155,7 +165,7 @@ mod tests {
 
     #[test]
     fn up_is_what_it_is_for_the_camera() {
-        let outdoors = Outdoors { sky_model: SkyModel::Uniform, zenith: None, north: None };
+        let outdoors = Outdoors { sky_model: None, zenith: None, north: None };
         let compass = |scene: &Scene| outdoors.compass(scene).expect("no north that is up");
         let y = Compass::new([0.0, 1.0, 0.0], [0.0, 0.0, -1.0]).expect("across");
         assert_eq!(compass(&Scene::default()), y);

@@ -132,12 +132,13 @@ fn solve(materials: &str, arguments: &[&'static str]) -> (Output, String, [f64; 
     for (name, text) in [("yard.obj", YARD), ("yard.mtl", materials)] {
         fs::write(folder.path().join(name), text).expect("written");
     }
+    let is_outdoors = arguments.contains(&"--sky") || arguments.contains(&"--sun");
     let fixed = ["--scene", "yard.obj", "--elements", "800", "--no-picture", "--bands", "1"];
     let output = Command::new(BINARY)
         .current_dir(folder.path())
         .args(["radiosity", "--out", "found", "--quiet"])
         .args(fixed)
-        .args(upwards(arguments))
+        .args(if is_outdoors { upwards(arguments) } else { &[] })
         .args(arguments)
         .output()
         .expect("the program runs");
@@ -169,6 +170,7 @@ fn light_from_outside_is_reflected_as_that_of_lamps() {
     let key = report.split("\"daylight\": ").nth(1).and_then(|rest| rest.split(',').next());
     let power: f64 = key.expect("a key").parse().expect("a number");
     close(power / (4.0 * (yard + wall)), 1.0, "the power that arrives");
+    assert!(report.contains("\"elevation\": 30.0") && report.contains("\"zenith\""), "{report}");
     let (_, [yard, wall]) = solved(black, &["--sky", "100", "--ground", "0.5"]);
     close(yard / 100.0, 0.8, "no ground above the yard");
     close(wall / 100.0, 0.5 + 0.5 * 0.3, "the sky and what the ground reflects of it");
@@ -200,4 +202,8 @@ fn light_from_outside_that_does_not_arrive_or_is_none_is_refused() {
     refused(&["--sky", "1", "--visibility", "none"], "expected --visibility exact or fractional");
     refused(&["--sky", "1", "--north", "0,0,1"], "--north [0.0, 0.0, 1.0]: expected a direction");
     refused(&[], "nothing in the scene emits light");
+    let (output, report, _) = solve("newmtl yard\nKe 1 1 1\nnewmtl wall\n", &["--ground", "0.2"]);
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(!output.status.success() && report.is_empty(), "{message}");
+    assert!(message.contains("--ground, --sky-model, --zenith and --north"), "{message}");
 }

@@ -246,7 +246,7 @@ class Plan:
         return (self._targets * self._fields, self._sources * self._densities)
 
     def __repr__(self) -> str:
-        more = (", gradient=True", ", hessian=True")[self._derivatives - 1] if self._derivatives else ""
+        more = ("", ", gradient=True", ", hessian=True")[self._derivatives]
         return f"<farfield.Plan: {self._sources} sources, {self._targets} targets, {self.dtype}{more}>"
 
     def __call__(self, q: Any) -> Any:

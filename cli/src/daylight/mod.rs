@@ -46,6 +46,8 @@ fn run(args: &Args) -> Result<(), Failure> {
         SceneError::Empty => Failure::NoSurfaces(args.scene.clone()),
         error => Failure::Scene(error),
     })?;
+    // Into the elements that `farfield radiosity` has.
+    let scene = scene.cut_where_surfaces_meet();
     let compass = args.outdoors.compass(&scene)?;
     let suns = args.sun.as_ref().map(|path| suns::read(path, &compass)).transpose()?;
     for what in scene.missing.iter().chain(&scene.doubts).chain(&scene.overlaps()) {

@@ -61,13 +61,13 @@ pub(crate) struct Args {
     pub(crate) sky: Option<f64>,
 
     /// Where the sun is, in degrees from north by east and above the horizon, and what a plane across its beam receives
-    /// [W/m²], such as 180,45,800
+    /// [W/m²], such as 180,45,800; a sun below the horizon gives nothing
     #[arg(long, value_name = "AZIMUTH,ELEVATION,IRRADIANCE", value_parser = Sun::parse, allow_hyphen_values = true)]
     pub(crate) sun: Option<Sun>,
 
-    /// Which share of sky and sun the ground around the scene reflects
-    #[arg(long, value_name = "ALBEDO", default_value_t = 0.0, value_parser = albedo, allow_negative_numbers = true)]
-    pub(crate) ground: f64,
+    /// Which share of sky and sun the ground around the scene reflects [default: 0]
+    #[arg(long, value_name = "ALBEDO", value_parser = albedo, allow_negative_numbers = true)]
+    pub(crate) ground: Option<f64>,
 
     #[command(flatten)]
     pub(crate) outdoors: Outdoors,

@@ -4,10 +4,12 @@ use farfield::glam::DVec3;
 use farfield_radiosity::{Daylight, Occluders, Surroundings};
 use farfield_scenes::{Mesh, Optics, Scene};
 use rayon::prelude::*;
+use serde::Serialize;
 
 use super::args::Args;
 use super::failure::Failure;
-use crate::outdoors::numbers;
+use crate::outdoors::{SkyModel, numbers};
+use crate::progress::Progress;
 
 /// Rays from each element, in units of 1/tolerance, at least and at most.
 const RAYS: f64 = 4.0;
@@ -15,7 +17,7 @@ const LEAST_RAYS: f64 = 256.0;
 const MOST_RAYS: f64 = 4096.0;
 
 /// The sun, as the command line has it.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub(crate) struct Sun {
     /// Degrees from north by east.
     azimuth: f64,
@@ -53,6 +55,25 @@ pub(crate) struct Received {
     pub(crate) diffuse: Vec<f64>,
     /// By the sun, if it is up.
     pub(crate) beam: Option<Beam>,
+    /// What it is of.
+    pub(crate) origin: Origin,
+}
+
+/// Where light from outside comes from, as a report says it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub(crate) struct Origin {
+    /// What an open horizontal plane receives of the sky [W/m²].
+    pub(crate) sky: f64,
+    /// How bright the sky is, direction by direction.
+    pub(crate) sky_model: SkyModel,
+    /// The sun.
+    pub(crate) sun: Option<Sun>,
+    /// The albedo of the ground around.
+    pub(crate) ground: f64,
+    /// Which way is up, a unit vector.
+    pub(crate) zenith: [f64; 3],
+    /// Which way is north, a unit vector.
+    pub(crate) north: [f64; 3],
 }
 
 /// The sun's.
@@ -72,22 +93,32 @@ impl Received {
         }
         total
     }
+
+    /// Whether nothing reaches any element.
+    pub(crate) fn is_dark(&self) -> bool {
+        let beam = self.beam.iter().flat_map(|beam| &beam.irradiance);
+        self.diffuse.iter().chain(beam).all(|&h| h == 0.0)
+    }
 }
 
 /// What elements receive from the sky, the ground around and the sun; none if there are neither sky nor sun. A sun below the
 /// horizon gives nothing.
 ///
 /// # Errors
-/// If north is no horizontal direction, or if no light comes from anywhere.
+/// If flags say how the scene stands below sky and sun, and there are neither; if north is no horizontal direction, or if no
+/// light comes from anywhere.
 pub(crate) fn daylight(
     args: &Args,
     scene: &Scene,
     mesh: &Mesh,
     occluders: &Occluders,
+    progress: &Progress,
 ) -> Result<Option<Received>, Failure> {
     if !args.is_outdoors() {
-        return Ok(None);
+        let is_said = args.ground.is_some() || args.outdoors.is_given();
+        return if is_said { Err(Failure::Indoors) } else { Ok(None) };
     }
+    let _bar = progress.spinner("daylight");
     let elements = &mesh.elements;
     let compass = args.outdoors.compass(scene)?;
     let rays = (RAYS / args.sum_tolerance()).clamp(LEAST_RAYS, MOST_RAYS) as usize;
@@ -95,7 +126,8 @@ pub(crate) fn daylight(
     let sun = args.sun.filter(|sun| sun.elevation > 0.0);
     let on_ground = |sun: Sun| sun.elevation.to_radians().sin() * sun.irradiance;
     let sky = args.sky.unwrap_or(0.0);
-    let ground = args.ground * (sky + sun.map_or(0.0, on_ground));
+    let albedo = args.ground.unwrap_or(0.0);
+    let ground = albedo * (sky + sun.map_or(0.0, on_ground));
     let model = args.outdoors.sky(scene)?;
     let diffuse_of = |element: usize| {
         let found: Daylight = around.daylight(element, &model, rays);
@@ -112,10 +144,18 @@ pub(crate) fn daylight(
         irradiance.iter_mut().for_each(|share| *share *= sun.irradiance);
         Ok::<_, Failure>(Beam { sun: (to_sun, sun.irradiance), irradiance })
     };
-    let received = Received { diffuse, beam: sun.map(beam_of).transpose()? };
+    let origin = Origin {
+        sky,
+        sky_model: args.outdoors.sky_model(),
+        sun: args.sun,
+        ground: albedo,
+        zenith: compass.zenith.to_array(),
+        north: compass.north.to_array(),
+    };
+    let received = Received { diffuse, beam: sun.map(beam_of).transpose()?, origin };
     let own = Optics::<1>::new(scene, mesh, args.quantity.into(), 1, 0);
     let emits = own.emission.iter().any(|&[e]| e > 0.0);
-    if !emits && received.total().iter().all(|&h| h == 0.0) {
+    if !emits && received.is_dark() {
         return Err(Failure::Unlit);
     }
     Ok(Some(received))

@@ -24,6 +24,10 @@ pub(crate) enum Failure {
         "--sky and --sun need surfaces that cast shadows: expected --visibility exact or fractional"
     )]
     Unhidden,
+    #[error(
+        "--ground, --sky-model, --zenith and --north say nothing without --sky or --sun: expected one of these"
+    )]
+    Indoors,
     #[error("neither the sky nor the sun reaches the scene, and nothing in it emits")]
     Unlit,
     #[error(transparent)]

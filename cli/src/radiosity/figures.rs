@@ -5,6 +5,7 @@ use farfield_radiosity::{Closure, PairCounts, Seen, Zones};
 use super::args::{Args, VisibilityName};
 use super::balance::RowSums;
 use super::check::Check;
+use super::daylight::Origin;
 use super::negative::Negative;
 use super::report::{Pairs, Report};
 use super::warning::Warning;
@@ -20,6 +21,7 @@ pub(crate) struct Figures {
     pub(crate) row_error: f64,
     pub(crate) seen: Seen,
     pub(crate) daylight: Option<f64>,
+    pub(crate) outdoors: Option<Origin>,
     pub(crate) negative: Negative,
     pub(crate) reciprocity_error: f64,
     pub(crate) closure: Closure,
@@ -74,6 +76,7 @@ impl Figures {
             to_backs: self.seen.backs,
             to_sky: self.seen.sky,
             daylight: self.daylight,
+            outdoors: self.outdoors,
             negative: self.negative,
             reciprocity_error: self.reciprocity_error,
             closure_correction: self.closure.largest,

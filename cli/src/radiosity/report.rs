@@ -9,6 +9,7 @@ use serde::Serialize;
 
 use super::args::{ExpansionName, QuantityName, SchemeName, SolverName, VisibilityName};
 use super::balance::RowSums;
+use super::daylight::Origin;
 use super::negative::Negative;
 use super::warning::Warning;
 
@@ -62,6 +63,8 @@ pub(crate) struct Report {
     pub(crate) to_sky: f64,
     /// The power that arrives from the sky, the ground around and the sun [W], in each band; none without these.
     pub(crate) daylight: Option<f64>,
+    /// What that is of; none likewise.
+    pub(crate) outdoors: Option<Origin>,
     /// Irradiances that came out below zero.
     pub(crate) negative: Negative,
     /// How far the exchange is from A_i F_ij = A_j F_ji.

@@ -161,10 +161,8 @@ impl Run<'_> {
         let nothing = Occluders::new(&[])?;
         let shadows =
             if args.visibility == VisibilityName::None { &nothing } else { sight.occluders() };
-        let bar = progress.spinner("daylight");
-        let received = daylight(args, scene, mesh, sight.occluders())?;
+        let received = daylight(args, scene, mesh, sight.occluders(), progress)?;
         let daylight = received.as_ref().map(Received::total);
-        drop(bar);
         let mut visibility = Visibility::of_elements(shadows, elements);
         if args.visibility == VisibilityName::Fractional {
             let optics = Optics::<1>::new(scene, mesh, args.quantity.into(), 1, 0)
@@ -211,7 +209,7 @@ impl Run<'_> {
         let mut warnings =
             Warning::of_exchange(scene, mesh, &sight, &row_sums, |k| operator.scaling(k));
         warnings.extend(Warning::of_leaks(scene, mesh, &around));
-        warnings.extend(daylight.as_deref().and_then(Warning::of_daylight));
+        warnings.extend(received.as_ref().and_then(Warning::of_daylight));
 
         let pairwise = Visibility::of_elements(shadows, elements);
         let exchange = Exchange { surfels: &surfels, operator: &operator, visibility: &pairwise };
@@ -283,6 +281,10 @@ impl Run<'_> {
             return Err(Failure::Inaccurate { error, sampled, tolerance });
         }
 
+        let arrived =
+            |h: &Vec<f64>| h.iter().zip(&surfels).map(|(h, surfel)| h * surfel.area).sum();
+        let power = daylight.as_ref().map(arrived);
+        let origin = received.as_ref().map(|received| received.origin);
         let is_shown = args.quantity == QuantityName::Light && !(args.no_picture || is_dark);
         let by_pixel = is_shown.then(|| exchange.by_pixel(scene, &fields, received));
         let by_pixel = by_pixel.transpose()?.flatten();
@@ -297,9 +299,8 @@ impl Run<'_> {
             row_sums: RowSums::new(elements, &row_sums, &parts),
             row_error,
             seen: around.mean(),
-            daylight: daylight.map(|daylight| {
-                daylight.iter().zip(&surfels).map(|(h, surfel)| h * surfel.area).sum()
-            }),
+            daylight: power,
+            outdoors: origin,
             negative,
             reciprocity_error,
             closure,

@@ -190,7 +190,8 @@ impl<const BANDS: usize> Exchange<'_, BANDS> {
 mod tests {
     use super::*;
 
-    use crate::radiosity::daylight::Beam;
+    use crate::outdoors::SkyModel;
+    use crate::radiosity::daylight::{Beam, Origin};
     use crate::radiosity::fixture::exchanging;
     use farfield::glam::DVec3;
     use farfield::relative_l2_error;
@@ -235,11 +236,17 @@ mod tests {
                 let row_sums = all(1.0);
                 let fields = Fields { bands: 1, radiosity, emission, irradiance, row_sums };
                 let sun = (DVec3::Y, 4.0);
-                let received = || Received {
-                    diffuse: all(1.0),
-                    beam: Some(Beam { sun, irradiance: all(2.0) }),
+                let origin = Origin {
+                    sky: 1.0,
+                    sky_model: SkyModel::Uniform,
+                    sun: None,
+                    ground: 0.0,
+                    zenith: [0.0, 1.0, 0.0],
+                    north: [0.0, 0.0, -1.0],
                 };
-                let found = exchange.by_pixel(scene, &fields, Some(received())).expect("summed");
+                let beam = Some(Beam { sun, irradiance: all(2.0) });
+                let received = Received { diffuse: all(1.0), beam, origin };
+                let found = exchange.by_pixel(scene, &fields, Some(received)).expect("summed");
                 // Nothing is reflected: light by lamps aside, only the sky is left; or all but the sun.
                 let (rest, sun) = (all(expected), Some(sun));
                 assert_eq!(found, Some(ByPixel { rest, lamps, sun }));

@@ -7,6 +7,7 @@ use farfield_scenes::{Mesh, Scene, SceneError, Sight, fewest_elements};
 use serde::Serialize;
 
 use super::args::{Args, QuantityName};
+use super::daylight::Received;
 
 /// Something that may be wrong.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -124,10 +125,9 @@ impl Warning {
     }
 
     /// That nothing of the sky and the sun reaches any element, if so.
-    pub(crate) fn of_daylight(received: &[f64]) -> Option<Self> {
+    pub(crate) fn of_daylight(received: &Received) -> Option<Self> {
         let message = "neither the sky nor the sun reaches the scene";
-        let is_dark = received.iter().all(|&h| h == 0.0);
-        is_dark.then(|| Self::new(WarningKind::NoDaylight, message.to_owned()))
+        received.is_dark().then(|| Self::new(WarningKind::NoDaylight, message.to_owned()))
     }
 
     /// That light leaves a scene that is said to be closed, if so.
