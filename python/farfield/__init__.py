@@ -13,13 +13,13 @@ formula of r, r2 (r squared), d1 d2 d3 (x - y), x1 x2 x3 (the target), y1 y2 y3 
 
 from __future__ import annotations
 
-import operator
 import os
 from typing import Any, NamedTuple, Union
 
 import numpy as np
 
-from . import _native
+from . import _native, radiosity
+from ._arrays import array, count, number
 from ._errors import Error, InputError, KernelError, SumError, ToleranceError
 
 __all__ = [
@@ -34,6 +34,7 @@ __all__ = [
     "kernels",
     "load_operators",
     "plan",
+    "radiosity",
     "save_operators",
     "sum",
 ]
@@ -188,7 +189,7 @@ class Plan:
         self.dtype = sources.dtype
         targets = sources if targets is None else _points("targets", targets, self.dtype)
         rule, value = _rule(coincident)
-        given = [(name, _number(name, value)) for name, value in parameters.items()]
+        given = [(name, number(name, value)) for name, value in parameters.items()]
         parsed = _native.Kernel(kernel, given, rule, value)
         native = _native.PlanF64 if self.dtype == np.float64 else _native.PlanF32
         self._fields, self._densities = parsed.shape
@@ -199,12 +200,12 @@ class Plan:
             parsed,
             sources.reshape(-1),
             targets.reshape(-1),
-            _number("tolerance", tolerance),
+            number("tolerance", tolerance),
             derivatives,
-            _count("applications", applications),
+            count("applications", applications),
             # A tensor takes one right-hand side at a time.
-            _count("columns", columns) if self._densities == 1 else 1,
-            None if threads is None else _count("threads", threads, 512),
+            count("columns", columns) if self._densities == 1 else 1,
+            None if threads is None else count("threads", threads, 512),
         )
 
     @property
@@ -251,7 +252,7 @@ class Plan:
 
     def __call__(self, q: Any) -> Any:
         """The sums for charges q, as `sum` returns them."""
-        charges = _array("q", q)
+        charges = array("q", q)
         if self._densities > 1 or charges.ndim == 1:
             return self._apply(self._charges(charges))
         return self._apply_columns(charges)
@@ -260,7 +261,7 @@ class Plan:
 
     def certificate(self, q: Any) -> Certificate:
         """How far the sums for charges q, of one right-hand side, are from the exact ones. Sums once more."""
-        return Certificate(**self._native.certificate(self._charges(_array("q", q)).reshape(-1)))
+        return Certificate(**self._native.certificate(self._charges(array("q", q)).reshape(-1)))
 
     def report(self) -> dict:
         """What the plan consists of: sizes, pairs of each kind, and a table as "text"."""
@@ -338,21 +339,12 @@ def _columns(q: Any) -> int:
 
 
 def _points(name: str, points: Any, dtype: Any) -> Any:
-    points = _array(name, points)
+    points = array(name, points)
     if points.ndim != 2 or points.shape[1] != 3:
         raise InputError(f"{name} has shape {points.shape}: expected (N, 3)")
     if dtype is None:
         dtype = np.dtype(np.float32 if points.dtype == np.float32 else np.float64)
     return np.ascontiguousarray(_real(name, points, dtype))
-
-
-def _array(name: str, given: Any) -> Any:
-    if isinstance(given, np.ma.MaskedArray):
-        raise InputError(f"{name} is a masked array: expected plain numbers, of which none is left out")
-    try:
-        return np.asarray(given)
-    except ValueError as error:
-        raise InputError(f"{name} is no array: {error}") from None
 
 
 def _real(name: str, array: Any, dtype: Any) -> Any:
@@ -372,21 +364,4 @@ def _rule(coincident: Any) -> tuple:
         if coincident in ("skip", "formula"):
             return coincident, 0.0
         raise InputError(f'coincident is {coincident!r}: expected "skip", "formula" or a number')
-    return "value", _number("coincident", coincident)
-
-
-def _number(name: str, value: Any) -> float:
-    try:
-        return float(value)
-    except (OverflowError, TypeError, ValueError):
-        raise InputError(f"{name} is {value!r}: expected a number") from None
-
-
-def _count(name: str, value: Any, most: int = 2**31) -> int:
-    try:
-        count = operator.index(value)
-    except TypeError:
-        count = 0
-    if not 1 <= count <= most:
-        raise InputError(f"{name} is {value!r}: expected a whole number from 1 to {most}")
-    return count
+    return "value", number("coincident", coincident)

@@ -1,36 +1,23 @@
 //! The native part of the Python package `farfield`: plans and sums over contiguous arrays. Shapes and types are the
 //! business of `farfield/__init__.py`.
 
+mod exceptions;
 mod interrupt;
+mod threads;
+mod radiosity;
 
 use std::path::PathBuf;
-use std::sync::OnceLock;
 
 use farfield::{Error, OperatorStore, Point, Real, StoreError, Vector, Watch};
 use farfield_formula::{Coincident, Derivatives, Options, Precision, READY, Ready, TextFormula};
 use numpy::{Element, PyArray1, PyReadonlyArray1};
 use pyo3::exceptions::PyOSError;
-use pyo3::import_exception;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use rayon::{ThreadPool, ThreadPoolBuilder};
 
-use crate::interrupt::interruptible;
-
-import_exception!(farfield._errors, InputError);
-import_exception!(farfield._errors, KernelError);
-import_exception!(farfield._errors, SumError);
-import_exception!(farfield._errors, ToleranceError);
-
-/// The exception that says the same.
-fn exception(error: Error) -> PyErr {
-    let words = error.to_string();
-    match error {
-        Error::UnreachableTolerance { .. } => ToleranceError::new_err(words),
-        Error::NonFiniteValue { .. } | Error::NonFiniteKernel => SumError::new_err(words),
-        _ => InputError::new_err(words),
-    }
-}
+use crate::exceptions::{InputError, KernelError, exception};
+use crate::radiosity::Room;
+use crate::threads::Threads;
 
 /// A kernel by name or text, with what holds where points coincide: a number, "skip", "formula", or `None` for what the
 /// kernel is known for.
@@ -83,61 +70,6 @@ struct Planned<T: Precision> {
     threads: Threads,
 }
 
-/// The threads of a plan.
-struct Threads {
-    pool: Option<ThreadPool>,
-    /// How many were asked for.
-    count: Option<usize>,
-    /// The process whose threads they are: a fork has none of them.
-    process: u32,
-}
-
-/// The process that has the threads of the default.
-static FIRST_PROCESS: OnceLock<u32> = OnceLock::new();
-
-/// Pairs that are summed so soon that nobody can interrupt it.
-const FEW_PAIRS: usize = 1 << 20;
-
-impl Threads {
-    fn new(count: Option<usize>) -> PyResult<Self> {
-        let process = std::process::id();
-        let is_forked = *FIRST_PROCESS.get_or_init(|| process) != process;
-        let pool = if count.is_some() || is_forked {
-            // As many as there are cores, if it is not said.
-            let pool = ThreadPoolBuilder::new().num_threads(count.unwrap_or(0)).build();
-            Some(pool.map_err(|error| InputError::new_err(error.to_string()))?)
-        } else {
-            None
-        };
-        Ok(Self { pool, count, process })
-    }
-
-    /// Does work for so many pairs without holding up other threads of Python. Where it takes long, Python's signals are
-    /// looked at meanwhile.
-    fn run<R: Send>(
-        &self,
-        py: Python<'_>,
-        pairs: usize,
-        work: impl FnOnce(&Watch) -> Result<R, Error> + Send,
-    ) -> PyResult<R> {
-        if self.process != std::process::id() {
-            return Err(InputError::new_err(
-                "the plan was made before this process was forked: expected one that is made in it",
-            ));
-        }
-        let work = |watch: &Watch| match &self.pool {
-            Some(pool) => pool.install(|| work(watch)),
-            None => work(watch),
-        };
-        let found = if pairs <= FEW_PAIRS {
-            py.detach(|| work(&Watch::default()))
-        } else {
-            interruptible(py, work)?
-        };
-        found.map_err(exception)
-    }
-}
-
 impl<T: Precision + Element> Planned<T> {
     fn new(
         py: Python<'_>,
@@ -153,6 +85,7 @@ impl<T: Precision + Element> Planned<T> {
             let (sources, targets) = (points(sources), points(targets));
             farfield_formula::Plan::watched(kernel, &sources, &targets, options, watch)
         })?;
+        let plan = plan.map_err(exception)?;
         Ok(Self { plan, threads })
     }
 
@@ -164,7 +97,7 @@ impl<T: Precision + Element> Planned<T> {
         work: impl FnOnce(&farfield_formula::Plan<T>, &Watch) -> Result<R, Error> + Send,
     ) -> PyResult<R> {
         let pairs = self.plan.sources() * self.plan.targets() * columns;
-        self.threads.run(py, pairs, |watch| work(&self.plan, watch))
+        self.threads.run(py, pairs, |watch| work(&self.plan, watch))?.map_err(exception)
     }
 
     fn transposed(&self, py: Python<'_>) -> PyResult<Self> {
@@ -301,6 +234,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<Kernel>()?;
     module.add_class::<PlanF64>()?;
     module.add_class::<PlanF32>()?;
+    module.add_class::<Room>()?;
     module.add_function(wrap_pyfunction!(load_operators, module)?)?;
     module.add_function(wrap_pyfunction!(save_operators, module)?)?;
     module.add_function(wrap_pyfunction!(kernels, module)?)

@@ -2,11 +2,10 @@
 
 use std::collections::HashMap;
 
-use farfield_radiosity::Patch;
+use farfield_radiosity::{Element, Patch};
 use farfield_scenes::{Scene, View3d, View3dRole};
 
 use super::args::By;
-use super::exchange::Side;
 use super::failure::Failure;
 
 /// The sides of all surfaces that exchange anything, and what they add to.
@@ -15,7 +14,7 @@ pub(crate) struct Groups {
     /// The groups.
     pub(crate) groups: Vec<Group>,
     /// The sides.
-    pub(crate) sides: Vec<Side>,
+    pub(crate) sides: Vec<Element>,
     /// For each side the groups that it adds to, or takes from, by which factor.
     pub(crate) shares: Vec<Vec<(usize, f64)>>,
     /// Masks: two groups that exchange an area, whatever rays say.
@@ -59,7 +58,7 @@ impl Groups {
             let mut corners = scene.corners(surface);
             for _ in 0..if material.two_sided { 2 } else { 1 } {
                 let patch = Patch::new(&corners)?;
-                groups.add(Side { patch, face: surface.face }, vec![(group, 1.0)]);
+                groups.add(Element::patch(patch, surface.face), vec![(group, 1.0)]);
                 groups.groups[group].area += patch.area();
                 groups.groups[group].emitting += (1.0 - mean) * patch.area();
                 corners.reverse();
@@ -112,12 +111,12 @@ impl Groups {
                     }
                 }
             }
-            groups.add(Side { patch, face: shape.face }, shares);
+            groups.add(Element::patch(patch, shape.face), shares);
         }
         Ok(groups)
     }
 
-    fn add(&mut self, side: Side, shares: Vec<(usize, f64)>) {
+    fn add(&mut self, side: Element, shares: Vec<(usize, f64)>) {
         self.sides.push(side);
         self.shares.push(shares);
     }

@@ -2,10 +2,9 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use farfield_radiosity::Occluders;
+use farfield_radiosity::{Occluders, visible_exchange_area};
 use rayon::prelude::*;
 
-use super::exchange::exchange;
 use super::failure::Failure;
 use super::groups::{Group, Groups};
 
@@ -49,8 +48,9 @@ impl Matrix {
         for (chunk, rows) in known.chunks(ROWS).enumerate() {
             let row = |(place, &i): (usize, &usize)| -> Vec<(usize, usize, f64)> {
                 let others = &known[chunk * ROWS + place + 1..];
-                let with =
-                    |&j: &usize| (i, j, exchange([&sides[i], &sides[j]], occluders, tolerance));
+                let with = |&j: &usize| {
+                    (i, j, visible_exchange_area(&sides[i], &sides[j], occluders, tolerance))
+                };
                 let found = others.iter().map(with).filter(|&(.., area)| area > 0.0).collect();
                 let before = done.fetch_add(others.len(), Ordering::Relaxed);
                 report((before + others.len()) as f64 / pairs.max(1) as f64);

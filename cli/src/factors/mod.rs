@@ -1,7 +1,6 @@
 //! `farfield factors`: form factors between whole surfaces, summed over groups.
 
 mod args;
-mod exchange;
 mod failure;
 mod groups;
 mod matrix;

@@ -43,7 +43,7 @@ pub use elements::{
 };
 pub use error::Error;
 pub use expansion::{Irradiance, SixteenMoment};
-pub use form_factors::{Corrections, Zones, exchange_area};
+pub use form_factors::{Corrections, Zones, exchange_area, visible_exchange_area};
 pub use masks::{Facing, PairCounts, Visibility};
 pub use occlusion::{Hit, Occluders, Segment};
 pub use operator::{Balance, Closure, Enclosure, RadiosityOperator};

@@ -3,6 +3,7 @@
 
 pub(crate) mod facing;
 pub(crate) mod flat;
+pub(crate) mod memory;
 pub(crate) mod orient;
 pub(crate) mod point_areas;
 pub(crate) mod soup;

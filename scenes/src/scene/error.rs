@@ -139,6 +139,14 @@ pub enum SceneError {
         /// How many it should have.
         expected: String,
     },
+    /// A vertex of a mesh in memory that has a coordinate that is NaN or infinite.
+    #[error("vertex {vertex} is at {found:?}: expected finite coordinates")]
+    Coordinates {
+        /// Its index.
+        vertex: usize,
+        /// Where it is.
+        found: [f64; 3],
+    },
     /// A surface or a point of a material that doesn't exist.
     #[error("{kind} {index} is of material {found}: expected less than {materials}")]
     Material {

@@ -5,13 +5,13 @@ use glam::DVec3;
 /// Surfaces that come from one file, one after the other.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Part {
-    /// The name of the file.
+    /// The name of the file; empty for a mesh that was in memory.
     pub file: String,
     /// What its entries are: faces, say.
     pub kind: &'static str,
     /// Index of the first of the surfaces.
     pub first: usize,
-    /// For each surface the number of its entry in the file, from 1.
+    /// For each surface the number of its entry in the file, from 1; of a mesh in memory, from 0.
     pub numbers: Vec<u32>,
 }
 
@@ -28,7 +28,8 @@ impl Part {
     /// A surface as the file has it; none if it isn't from this file.
     pub(crate) fn entry(&self, surface: usize) -> Option<String> {
         let number = self.numbers.get(surface.checked_sub(self.first)?)?;
-        Some(format!("{} {number} of {}", self.kind, self.file))
+        let whose = if self.file.is_empty() { String::new() } else { format!(" of {}", self.file) };
+        Some(format!("{} {number}{whose}", self.kind))
     }
 }
 

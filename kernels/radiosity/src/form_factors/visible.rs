@@ -1,37 +1,43 @@
-//! How much two surfaces exchange past everything that stands between them.
+//! How much two elements exchange past everything that stands between them.
 
-use farfield::glam::DVec3;
-use farfield_radiosity::{Element, Occluders, Patch, Segment};
+use glam::DVec3;
 
-/// One side of a surface.
-#[derive(Clone, Debug)]
-pub(crate) struct Side {
-    /// Its shape, with its front where it looks.
-    pub(crate) patch: Patch,
-    /// The face that it lies on.
-    pub(crate) face: u32,
-}
+use crate::elements::{Element, Patch};
+use crate::form_factors::exchange_area;
+use crate::numbers::in_cube;
+use crate::occlusion::{Occluders, Segment};
 
-/// A_1 F_12 = A_2 F_21 of two sides as they see each other, so that either form factor is off by about
-/// `tolerance` at most.
+/// A_i F_ij of two elements past all that hides them from each other, in squared scene units, so that either
+/// form factor is off by about `tolerance` at most. Elements need not be small: whole walls may be asked for.
 ///
 /// Two pieces between which there is nothing exchange what contour integrals say, however small the tolerance. So do two
 /// of which no ray is blocked, and they exchange nothing if all rays are blocked.
 /// Others are cut, the larger one in four, until what their rays leave open is too little to count.
-pub(crate) fn exchange(sides: [&Side; 2], occluders: &Occluders, tolerance: f64) -> f64 {
-    let [a, b] = sides.map(|side| side.patch);
-    let whole = a.exchange(&b);
-    if is_clear([a, b], sides, occluders) {
+/// A disk isn't cut: it exchanges the share of [`exchange_area`] that 64 rays leave.
+///
+/// Some 64 rays through the hierarchy of the occluders for each piece: the fewer, the less of a shadow's edge there is.
+pub fn visible_exchange_area(
+    a: &Element,
+    b: &Element,
+    occluders: &Occluders,
+    tolerance: f64,
+) -> f64 {
+    let whole = exchange_area(a, b);
+    if occluders.are_clear([a, b]) {
         return whole;
     }
-    let area = a.area().min(b.area());
+    let (Some(&p), Some(&q)) = (a.as_patch(), b.as_patch()) else {
+        return whole * share([a, b], occluders, RAYS, 0);
+    };
+    let area = p.area().min(q.area());
     if whole <= NOTHING * tolerance * area {
-        return whole * share([&a, &b], sides, occluders, 1, 0);
+        return whole * share([a, b], occluders, 1, 0);
     }
     // Each piece that is left is off at random: all together by the square root of their number.
-    let enough = (tolerance / DOUBT).powi(2) * area * area / whole;
-    let limits = Limits { agreed: AGREED * tolerance * area, mixed: enough };
-    refine([a, b], whole, sides, occluders, limits, [0, 1])
+    let mixed = (tolerance / DOUBT).powi(2) * area * area / whole;
+    let limits = Limits { agreed: AGREED * tolerance * area, mixed };
+    let faces = [a, b].map(|element| element.surfel().face);
+    Cutting { faces, occluders, limits }.exchange([p, q], whole, [0, 1])
 }
 
 /// Rays between two pieces.
@@ -52,62 +58,55 @@ struct Limits {
     mixed: f64,
 }
 
-fn refine(
-    pieces: [Patch; 2],
-    whole: f64,
-    sides: [&Side; 2],
-    occluders: &Occluders,
+/// Two patches that are cut where their rays leave open what they exchange.
+struct Cutting<'a> {
+    faces: [u32; 2],
+    occluders: &'a Occluders,
     limits: Limits,
-    [depth, number]: [usize; 2],
-) -> f64 {
-    if whole <= 0.0 {
-        return 0.0;
-    }
-    let [a, b] = &pieces;
-    let share = share([a, b], sides, occluders, RAYS, number);
-    let limit = if share == 0.0 || share == 1.0 { limits.agreed } else { limits.mixed };
-    if whole <= limit || depth == MOST_CUTS {
-        return share * whole;
-    }
-    if share == 1.0 && is_clear(pieces, sides, occluders) {
-        return whole;
-    }
-    let larger = usize::from(b.area() > a.area());
-    let quarters = quarters(&pieces[larger]).into_iter().enumerate();
-    let parts = quarters.map(|(k, quarter)| {
-        let mut pieces = pieces;
-        pieces[larger] = quarter;
-        let whole = pieces[0].exchange(&pieces[1]);
-        let number = number.wrapping_mul(4).wrapping_add(k);
-        refine(pieces, whole, sides, occluders, limits, [depth + 1, number])
-    });
-    parts.sum()
 }
 
-/// Whether certainly nothing stands between two pieces.
-fn is_clear(pieces: [Patch; 2], sides: [&Side; 2], occluders: &Occluders) -> bool {
-    let element = |k: usize| Element::patch(pieces[k], sides[k].face);
-    occluders.are_clear([&element(0), &element(1)])
+impl Cutting<'_> {
+    /// What two pieces exchange, which is `whole` if nothing hides them.
+    fn exchange(&self, pieces: [Patch; 2], whole: f64, [depth, number]: [usize; 2]) -> f64 {
+        if whole <= 0.0 {
+            return 0.0;
+        }
+        let [a, b] = [0, 1].map(|k| Element::patch(pieces[k], self.faces[k]));
+        let share = share([&a, &b], self.occluders, RAYS, number);
+        let agree = share == 0.0 || share == 1.0;
+        let limit = if agree { self.limits.agreed } else { self.limits.mixed };
+        if whole <= limit || depth == MOST_CUTS {
+            return share * whole;
+        }
+        if share == 1.0 && self.occluders.are_clear([&a, &b]) {
+            return whole;
+        }
+        let larger = usize::from(pieces[1].area() > pieces[0].area());
+        let quarters = quarters(&pieces[larger]).into_iter().enumerate();
+        let parts = quarters.map(|(k, quarter)| {
+            let mut pieces = pieces;
+            pieces[larger] = quarter;
+            let whole = pieces[0].exchange(&pieces[1]);
+            let number = number.wrapping_mul(4).wrapping_add(k);
+            self.exchange(pieces, whole, [depth + 1, number])
+        });
+        parts.sum()
+    }
 }
 
-/// The share of what two pieces exchange that is not blocked, by some rays, each counting as much as it carries;
+/// The share of what two elements exchange that is not blocked, by some rays, each counting as much as it carries;
 /// 1 if they don't see each other's fronts. Pieces of different numbers have different rays.
-fn share(
-    pieces: [&Patch; 2],
-    sides: [&Side; 2],
-    occluders: &Occluders,
-    rays: usize,
-    number: usize,
-) -> f64 {
-    let faces = sides.map(|side| side.face);
+fn share(elements: [&Element; 2], occluders: &Occluders, rays: usize, number: usize) -> f64 {
+    let surfels = elements.map(|element| element.surfel());
+    let faces = surfels.map(|surfel| surfel.face);
     let mut weights = [0.0; RAYS];
     let mut segments = [Segment { ends: [DVec3::ZERO; 2], faces }; RAYS];
     let mut count = 0;
     for k in 0..rays.min(RAYS) {
-        let [u, v, w, t] = point(k + RAYS * (number % PIECES));
-        let ends = [at(pieces[0], u, v), at(pieces[1], w, t)];
+        let [u, v, w, t] = in_cube(k, number as u64);
+        let ends = [elements[0].point_at([u, v]), elements[1].point_at([w, t])];
         let line = ends[1] - ends[0];
-        let cosines = [pieces[0].normal().dot(line), -pieces[1].normal().dot(line)];
+        let cosines = [surfels[0].normal.dot(line), -surfels[1].normal.dot(line)];
         if cosines.iter().all(|&cosine| cosine > 0.0) {
             weights[count] = cosines[0] * cosines[1] / line.length_squared().powi(2);
             segments[count].ends = ends;
@@ -120,33 +119,6 @@ fn share(
         passed += if blocked { 0.0 } else { weights[k] };
     });
     if all > 0.0 { passed / all } else { 1.0 }
-}
-
-/// The k-th of a sequence that fills the unit cube of four dimensions evenly (Roberts, "The unreasonable
-/// effectiveness of quasirandom sequences", 2018): powers of the root of x⁵ = x + 1.
-fn point(k: usize) -> [f64; 4] {
-    const STEPS: [f64; 4] = [
-        0.856_674_883_854_502_8,
-        0.733_891_856_627_125_9,
-        0.628_706_721_046_345_8,
-        0.538_597_257_223_012_4,
-    ];
-    STEPS.map(|step| (0.5 + step * (k + 1) as f64).fract())
-}
-
-/// Pieces whose rays differ: beyond it numbers of the sequence lose their digits.
-const PIECES: usize = 1_000_003;
-
-/// A point of a patch for one of the unit square: evenly on triangles and parallelograms.
-fn at(patch: &Patch, u: f64, v: f64) -> DVec3 {
-    match *patch.corners() {
-        [a, b, c, d] => a.lerp(b, u).lerp(d.lerp(c, u), v),
-        [a, b, c] => {
-            let along = u.sqrt();
-            a + along * (1.0 - v) * (b - a) + along * v * (c - a)
-        }
-        _ => patch.centroid(),
-    }
 }
 
 /// The four pieces of a patch between its corners, the middles of its edges, and its own middle.
@@ -171,17 +143,17 @@ fn quarters(patch: &Patch) -> [Patch; 4] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use farfield_radiosity::Triangle;
+    use crate::elements::{Surfel, Triangle};
 
     const TOLERANCE: f64 = 1e-4;
 
-    fn side(corners: [[f64; 3]; 4], face: u32) -> Side {
+    fn side(corners: [[f64; 3]; 4], face: u32) -> Element {
         let patch = Patch::new(&corners.map(DVec3::from_array)).expect("flat");
-        Side { patch, face }
+        Element::patch(patch, face)
     }
 
     /// Two unit squares that face each other, and what hides a square of this edge half-way in a corner.
-    fn pair(edge: f64) -> ([Side; 2], Occluders) {
+    fn pair(edge: f64) -> ([Element; 2], Occluders) {
         let low = side([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]], 0);
         let high = side([[0.0, 0.0, 1.0], [0.0, 1.0, 1.0], [1.0, 1.0, 1.0], [1.0, 0.0, 1.0]], 1);
         let corner = |x: f64, y: f64| DVec3::new(edge * x, edge * y, 0.5);
@@ -196,7 +168,7 @@ mod tests {
         for (edge, expected) in [(1e-9, open), (0.5, 0.75 * open), (1.0, 0.0)] {
             let ([low, high], occluders) = pair(edge);
             for sides in [[&low, &high], [&high, &low]] {
-                let found = exchange(sides, &occluders, TOLERANCE);
+                let found = visible_exchange_area(sides[0], sides[1], &occluders, TOLERANCE);
                 assert!((found - expected).abs() < TOLERANCE, "{edge}: {found} {expected}");
             }
         }
@@ -211,7 +183,7 @@ mod tests {
         let beside = [Triangle { vertices: beside, face: 2 }];
         for triangles in [&beside[..0], &beside] {
             let occluders = Occluders::new(triangles).expect("finite");
-            let found = exchange([&low, &high], &occluders, 1e-14);
+            let found = visible_exchange_area(&low, &high, &occluders, 1e-14);
             assert!((found - open).abs() < 1e-14, "{found}");
         }
     }
@@ -219,20 +191,36 @@ mod tests {
     #[test]
     fn sides_that_look_away_exchange_nothing() {
         let ([low, high], occluders) = pair(0.5);
-        let corners: Vec<DVec3> = high.patch.corners().iter().rev().copied().collect();
-        let away = Side { patch: Patch::new(&corners).expect("flat"), face: 1 };
-        assert_eq!(exchange([&low, &away], &occluders, TOLERANCE), 0.0);
+        let mut corners = high.as_patch().expect("a patch").corners().to_vec();
+        corners.reverse();
+        let away = Element::patch(Patch::new(&corners).expect("flat"), 1);
+        assert_eq!(visible_exchange_area(&low, &away, &occluders, TOLERANCE), 0.0);
     }
 
     #[test]
     fn quarters_cover_their_patch() {
         let ([low, _], _) = pair(0.5);
-        let triangle = Patch::new(&low.patch.corners()[..3]).expect("flat");
-        for patch in [low.patch, triangle] {
+        let square = *low.as_patch().expect("a patch");
+        let triangle = Patch::new(&square.corners()[..3]).expect("flat");
+        for patch in [square, triangle] {
             let parts = quarters(&patch);
             let area: f64 = parts.iter().map(Patch::area).sum();
             assert!((area - patch.area()).abs() < 1e-12);
             assert!(parts.iter().all(|part| part.normal().dot(patch.normal()) > 0.999));
         }
+    }
+
+    #[test]
+    fn what_hides_a_disk_hides_its_share() {
+        let ([low, high], occluders) = pair(1.0);
+        let disk = |element: &Element| Element::disk(Surfel { area: 0.01, ..*element.surfel() });
+        let (clear, high) = (Occluders::new(&[]).expect("none"), disk(&high));
+        let open = visible_exchange_area(&low, &high, &clear, TOLERANCE);
+        assert_eq!(open, exchange_area(&low, &high));
+        assert!(open > 0.0);
+        assert_eq!(visible_exchange_area(&low, &high, &occluders, TOLERANCE), 0.0);
+        let (_, corner) = pair(0.5);
+        let part = visible_exchange_area(&low, &high, &corner, TOLERANCE) / open;
+        assert!((part - 0.75).abs() < 0.15, "{part}");
     }
 }
