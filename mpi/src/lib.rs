@@ -18,6 +18,8 @@ mod whole;
 mod words;
 #[cfg(feature = "mpi")]
 mod world;
+#[cfg(feature = "program")]
+pub mod program;
 
 pub use builder::Builder;
 pub use error::Error;

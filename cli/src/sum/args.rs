@@ -46,7 +46,7 @@ pub(crate) struct Args {
 
     /// What holds for a formula where points are at one place: skip, formula (what it gives there), or a
     /// number [default: skip; what it is known for, for a kernel by name]
-    #[arg(long, value_name = "RULE", value_parser = coincident, allow_hyphen_values = true)]
+    #[arg(long, value_name = "RULE", allow_hyphen_values = true)]
     pub(crate) coincident: Option<Coincident>,
 
     /// Sum the gradient with respect to x as well
@@ -206,15 +206,6 @@ fn param(text: &str) -> Result<(String, f64), String> {
     match text.split_once('=').and_then(|(name, text)| Some((name, value(text)?))) {
         Some((name, value)) => Ok((name.trim().to_owned(), value)),
         None => Err("expected a name and a number, such as k=2".into()),
-    }
-}
-
-fn coincident(text: &str) -> Result<Coincident, String> {
-    match (text, text.parse()) {
-        ("skip", _) => Ok(Coincident::Skip),
-        ("formula", _) => Ok(Coincident::Formula),
-        (_, Ok(value)) if f64::is_finite(value) => Ok(Coincident::Value(value)),
-        _ => Err("expected skip, formula or a finite number".into()),
     }
 }
 

@@ -35,6 +35,20 @@ pub enum Coincident {
     Formula,
 }
 
+impl FromStr for Coincident {
+    type Err = String;
+
+    /// `skip`, `formula`, or a finite number; what was expected otherwise.
+    fn from_str(text: &str) -> Result<Self, String> {
+        match (text, text.parse()) {
+            ("skip", _) => Ok(Self::Skip),
+            ("formula", _) => Ok(Self::Formula),
+            (_, Ok(value)) if f64::is_finite(value) => Ok(Self::Value(value)),
+            _ => Err("expected skip, formula or a finite number".into()),
+        }
+    }
+}
+
 impl TextFormula {
     /// Reads a text whose parameters have these values: `TextFormula::new("exp(-k*r)/r", &[("k", 2.0)])`. O(n).
     ///
