@@ -144,6 +144,11 @@ fn solve(materials: &str, arguments: &[&'static str]) -> (Output, String, [f64; 
         .expect("the program runs");
     let read = |name: &str| fs::read_to_string(folder.path().join("found").join(name));
     let table = read("elements.csv").unwrap_or_default();
+    (output, read("report.json").unwrap_or_default(), means_of(&table))
+}
+
+/// The mean irradiances of yard and wall in a table of elements.
+fn means_of(table: &str) -> [f64; 2] {
     let (mut sums, mut areas) = ([0.0; 2], [0.0; 2]);
     for line in table.lines().skip(1) {
         let cells: Vec<f64> = line.split(',').map(|cell| cell.parse().expect("a number")).collect();
@@ -152,7 +157,7 @@ fn solve(materials: &str, arguments: &[&'static str]) -> (Output, String, [f64; 
         sums[k] += cells[6] * cells[11];
         areas[k] += cells[6];
     }
-    (output, read("report.json").unwrap_or_default(), [sums[0] / areas[0], sums[1] / areas[1]])
+    [sums[0] / areas[0], sums[1] / areas[1]]
 }
 
 #[test]
@@ -197,13 +202,49 @@ fn light_from_outside_that_does_not_arrive_or_is_none_is_refused() {
         assert!(!output.status.success() && report.is_empty(), "{message}");
         assert!(message.contains(expected), "{message}");
     };
-    refused(&["--sun", "0,-5,1000"], "neither the sky nor the sun reaches the scene");
-    refused(&["--sky", "0"], "neither the sky nor the sun reaches the scene");
+    refused(&["--sun", "0,-5,1000"], "nothing from outside reaches the scene");
+    refused(&["--sky", "0"], "nothing from outside reaches the scene");
     refused(&["--sky", "1", "--visibility", "none"], "expected --visibility exact or fractional");
     refused(&["--sky", "1", "--north", "0,0,1"], "--north [0.0, 0.0, 1.0]: expected a direction");
+    refused(&["--ambient", "300"], "says nothing about light: expected --quantity heat");
+    refused(&["--quantity", "heat", "--ambient", "0"], "nothing from outside reaches the scene");
+    refused(&["--quantity", "heat", "--ambient", "3", "--ground", "1"], "without --sky or --sun");
     refused(&[], "nothing in the scene emits light");
     let (output, report, _) = solve("newmtl yard\nKe 1 1 1\nnewmtl wall\n", &["--ground", "0.2"]);
     let message = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(!output.status.success() && report.is_empty(), "{message}");
     assert!(message.contains("--ground, --sky-model, --zenith and --north"), "{message}");
+}
+
+/// The yard and the wall at temperatures of their own, and how much they reflect.
+fn warm_yard(reflectance: f64, [yard, wall]: [f64; 2]) -> String {
+    format!(
+        "mesh = []\n[[quad]]\nmaterial = \"yard\"\ncorners = [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]\n\
+         [[quad]]\nmaterial = \"wall\"\ncorners = [[1, -1, 0], [-1, -1, 0], [-1, -1, 2], [1, -1, 2]]\n\
+         [materials.yard]\nreflectance = [{reflectance}]\ntemperature = {yard}\n\
+         [materials.wall]\nreflectance = [{reflectance}]\ntemperature = {wall}\n"
+    )
+}
+
+#[test]
+fn surroundings_as_warm_as_the_scene_take_nothing_from_it() {
+    let black = |kelvin: f64| 5.670_374_419e-8 * kelvin.powi(4);
+    let solved = |scene: String, ambient: &str| {
+        let folder = tempfile::tempdir().expect("a folder");
+        fs::write(folder.path().join("yard.toml"), scene).expect("written");
+        let output = Command::new(BINARY)
+            .current_dir(folder.path())
+            .args(["radiosity", "--scene", "yard.toml", "--quantity", "heat", "--quiet"])
+            .args(["--elements", "800", "--no-picture", "--out", "found", "--ambient", ambient])
+            .output()
+            .expect("the program runs");
+        assert!(output.status.success(), "{output:?}");
+        means_of(&fs::read_to_string(folder.path().join("found/elements.csv")).expect("a table"))
+    };
+    let [yard, wall] = solved(warm_yard(0.5, [300.0; 2]), "300");
+    close(yard / black(300.0), 1.0, "an even glow on the yard");
+    close(wall / black(300.0), 1.0, "and on the wall");
+    // The cold wall sees .2 of the hot yard, and of the surroundings the rest.
+    let [_, wall] = solved(warm_yard(0.0, [400.0, 0.0]), "300");
+    close(wall / black(300.0), 0.8 + 0.2 * (4.0f64 / 3.0).powi(4), "a cold wall");
 }

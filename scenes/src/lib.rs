@@ -55,4 +55,4 @@ pub use scene::material::Material;
 pub use scene::place::Part;
 pub use scene::surface::{ScenePoint, Surface};
 pub use scene::viewpoint::Viewpoint;
-pub use scene::{Quantity, Scene};
+pub use scene::{Quantity, STEFAN_BOLTZMANN, Scene};

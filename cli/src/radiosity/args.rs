@@ -57,7 +57,7 @@ pub(crate) struct Args {
 
     /// What an open horizontal plane receives of the sky [W/m²], alike in all bands. Light from outside arrives past
     /// everything that hides it, by about 4/tolerance rays from each element
-    #[arg(long, value_name = "IRRADIANCE", value_parser = irradiance, allow_negative_numbers = true)]
+    #[arg(long, value_name = "IRRADIANCE", value_parser = not_negative, allow_negative_numbers = true)]
     pub(crate) sky: Option<f64>,
 
     /// Where the sun is, in degrees from north by east and above the horizon, and what a plane across its beam receives
@@ -68,6 +68,10 @@ pub(crate) struct Args {
     /// Which share of sky and sun the ground around the scene reflects [default: 0]
     #[arg(long, value_name = "ALBEDO", value_parser = albedo, allow_negative_numbers = true)]
     pub(crate) ground: Option<f64>,
+
+    /// For heat, the temperature of what is around the scene, black, above the horizon and below [K]
+    #[arg(long, value_name = "KELVIN", value_parser = not_negative, allow_negative_numbers = true)]
+    pub(crate) ambient: Option<f64>,
 
     #[command(flatten)]
     pub(crate) outdoors: Outdoors,
@@ -125,8 +129,13 @@ impl Args {
         self.elements.unwrap_or(most)
     }
 
-    /// Whether light arrives from outside of the scene.
+    /// Whether light or heat arrives from outside of the scene.
     pub(crate) fn is_outdoors(&self) -> bool {
+        self.is_below_the_sky() || self.ambient.is_some()
+    }
+
+    /// Whether light arrives from the sky or the sun.
+    pub(crate) fn is_below_the_sky(&self) -> bool {
         self.sky.is_some() || self.sun.is_some()
     }
 
@@ -231,7 +240,7 @@ fn size(text: &str) -> Result<[usize; 2], String> {
 /// Columns and rows of a picture at most.
 const MOST_PIXELS: usize = 8192;
 
-fn irradiance(text: &str) -> Result<f64, String> {
+fn not_negative(text: &str) -> Result<f64, String> {
     let valid = text.parse().ok().filter(|&e: &f64| e >= 0.0 && e.is_finite());
     valid.ok_or_else(|| "expected a finite number of 0 or more".to_owned())
 }
@@ -286,6 +295,7 @@ mod tests {
             ["--size", "10x"],
             ["--sky", "-1"],
             ["--sky", "inf"],
+            ["--ambient", "-1"],
             ["--ground", "1.1"],
             ["--sun", "1,2"],
             ["--sun", "0,91,1"],

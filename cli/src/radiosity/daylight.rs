@@ -1,12 +1,12 @@
-//! What elements receive from outside of the scene.
+//! What elements receive from outside of the scene: light of sky, ground and sun, heat of the surroundings.
 
 use farfield::glam::DVec3;
 use farfield_radiosity::{Daylight, Occluders, Surroundings};
-use farfield_scenes::{Mesh, Optics, Scene};
+use farfield_scenes::{Mesh, Optics, STEFAN_BOLTZMANN, Scene};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::args::Args;
+use super::args::{Args, QuantityName};
 use super::failure::Failure;
 use crate::outdoors::{SkyModel, numbers};
 use crate::progress::Progress;
@@ -51,7 +51,7 @@ impl Sun {
 
 /// The irradiance of each element \[W/m²] from outside of the scene.
 pub(crate) struct Received {
-    /// By the sky and the ground around.
+    /// By the sky, the ground around, and the heat of the surroundings.
     pub(crate) diffuse: Vec<f64>,
     /// By the sun, if it is up.
     pub(crate) beam: Option<Beam>,
@@ -70,6 +70,8 @@ pub(crate) struct Origin {
     pub(crate) sun: Option<Sun>,
     /// The albedo of the ground around.
     pub(crate) ground: f64,
+    /// The temperature of the surroundings [K].
+    pub(crate) ambient: Option<f64>,
     /// Which way is up, a unit vector.
     pub(crate) zenith: [f64; 3],
     /// Which way is north, a unit vector.
@@ -101,12 +103,12 @@ impl Received {
     }
 }
 
-/// What elements receive from the sky, the ground around and the sun; none if there are neither sky nor sun. A sun below the
-/// horizon gives nothing.
+/// What elements receive from the sky, the ground around, the sun and warm surroundings; none if there is nothing of these. A
+/// sun below the horizon gives nothing.
 ///
 /// # Errors
-/// If flags say how the scene stands below sky and sun, and there are neither; if north is no horizontal direction, or if no
-/// light comes from anywhere.
+/// If flags say how the scene stands below sky and sun, and there are neither; if surroundings are warm and heat is not asked
+/// for; if north is no horizontal direction, or if nothing comes from anywhere.
 pub(crate) fn daylight(
     args: &Args,
     scene: &Scene,
@@ -114,9 +116,15 @@ pub(crate) fn daylight(
     occluders: &Occluders,
     progress: &Progress,
 ) -> Result<Option<Received>, Failure> {
+    let is_said = args.ground.is_some() || args.outdoors.is_given();
+    if is_said && !args.is_below_the_sky() {
+        return Err(Failure::Indoors);
+    }
+    if args.ambient.is_some() && args.quantity == QuantityName::Light {
+        return Err(Failure::Warm);
+    }
     if !args.is_outdoors() {
-        let is_said = args.ground.is_some() || args.outdoors.is_given();
-        return if is_said { Err(Failure::Indoors) } else { Ok(None) };
+        return Ok(None);
     }
     let _bar = progress.spinner("daylight");
     let elements = &mesh.elements;
@@ -129,11 +137,18 @@ pub(crate) fn daylight(
     let albedo = args.ground.unwrap_or(0.0);
     let ground = albedo * (sky + sun.map_or(0.0, on_ground));
     let model = args.outdoors.sky(scene)?;
+    let black = STEFAN_BOLTZMANN * args.ambient.unwrap_or(0.0).powi(4);
     let diffuse_of = |element: usize| {
-        let found: Daylight = around.daylight(element, &model, rays);
-        sky * found.sky + ground * found.ground
+        let light = if sky > 0.0 || ground > 0.0 {
+            let found: Daylight = around.daylight(element, &model, rays);
+            sky * found.sky + ground * found.ground
+        } else {
+            0.0
+        };
+        let heat = if black > 0.0 { black * around.look(element, rays).sky } else { 0.0 };
+        light + heat
     };
-    let diffuse = if sky > 0.0 || ground > 0.0 {
+    let diffuse = if sky > 0.0 || ground > 0.0 || black > 0.0 {
         (0..elements.len()).into_par_iter().map(diffuse_of).collect()
     } else {
         vec![0.0; elements.len()]
@@ -149,6 +164,7 @@ pub(crate) fn daylight(
         sky_model: args.outdoors.sky_model(),
         sun: args.sun,
         ground: albedo,
+        ambient: args.ambient,
         zenith: compass.zenith.to_array(),
         north: compass.north.to_array(),
     };

@@ -21,15 +21,17 @@ pub(crate) enum Failure {
     #[error("fractional visibility needs `--scheme fmm` and `--expansion interpolation`")]
     Unweighed,
     #[error(
-        "--sky and --sun need surfaces that cast shadows: expected --visibility exact or fractional"
+        "--sky, --sun and --ambient need surfaces that cast shadows: expected --visibility exact or fractional"
     )]
     Unhidden,
     #[error(
         "--ground, --sky-model, --zenith and --north say nothing without --sky or --sun: expected one of these"
     )]
     Indoors,
-    #[error("neither the sky nor the sun reaches the scene, and nothing in it emits")]
+    #[error("nothing from outside reaches the scene, and nothing in it emits")]
     Unlit,
+    #[error("--ambient is a temperature, and says nothing about light: expected --quantity heat")]
+    Warm,
     #[error(transparent)]
     North(#[from] NorthIsUp),
     #[error("{0}; form factors alone come by `--form-factors FILE`")]

@@ -241,6 +241,7 @@ mod tests {
                     sky_model: SkyModel::Uniform,
                     sun: None,
                     ground: 0.0,
+                    ambient: None,
                     zenith: [0.0, 1.0, 0.0],
                     north: [0.0, 0.0, -1.0],
                 };

@@ -124,9 +124,9 @@ impl Warning {
         Ok(warnings)
     }
 
-    /// That nothing of the sky and the sun reaches any element, if so.
+    /// That nothing from outside reaches any element, if so.
     pub(crate) fn of_daylight(received: &Received) -> Option<Self> {
-        let message = "neither the sky nor the sun reaches the scene";
+        let message = "nothing from outside reaches the scene";
         received.is_dark().then(|| Self::new(WarningKind::NoDaylight, message.to_owned()))
     }
 

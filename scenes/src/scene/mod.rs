@@ -19,7 +19,7 @@ use self::surface::{ScenePoint, Surface};
 use self::viewpoint::Viewpoint;
 
 /// The Stefan–Boltzmann constant σ \[W m⁻² K⁻⁴].
-pub(crate) const STEFAN_BOLTZMANN: f64 = 5.670_374_419e-8;
+pub const STEFAN_BOLTZMANN: f64 = 5.670_374_419e-8;
 
 /// What surfaces exchange.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
