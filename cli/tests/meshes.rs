@@ -74,6 +74,20 @@ fn a_room_with_a_wall_turned_round_is_lit_inside() {
 }
 
 #[test]
+fn a_room_that_looks_outwards_is_warned_of() {
+    let reversed = |face: &&str| face.split(' ').rev().collect::<Vec<_>>().join(" ");
+    let walls: Vec<String> = WALLS.iter().map(reversed).collect();
+    let walls: Vec<&str> = walls.iter().map(String::as_str).collect();
+    let files = [("room.obj", cube(&walls)), ("room.mtl", material(0.5, 1.0))];
+    let (code, message, folder) = run(&files, SOLVE);
+    assert!(code == Some(0) && message.contains("a room has to look inwards"), "{message}");
+    assert!(radiosities(&folder).iter().all(|&found| found == 1.0));
+    // Below the sky, a body may well be alone.
+    let (code, message, _) = run(&files, &format!("{SOLVE} --sky 1 --zenith 0,0,1"));
+    assert!(code == Some(0) && message.is_empty(), "{message}");
+}
+
+#[test]
 fn surfaces_upon_each_other_are_warned_of() {
     let quad = |z: f64, x: f64, is_up: bool, name: &str| {
         let mut corners = [[x, 0.0, z], [x + 1.0, 0.0, z], [x + 1.0, 1.0, z], [x, 1.0, z]];

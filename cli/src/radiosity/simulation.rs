@@ -208,6 +208,7 @@ impl Run<'_> {
         drop(bar);
         let mut warnings =
             Warning::of_exchange(scene, mesh, &sight, &row_sums, |k| operator.scaling(k));
+        warnings.extend(Warning::of_isolation(args, &row_sums));
         warnings.extend(Warning::of_leaks(scene, mesh, &around));
         warnings.extend(received.as_ref().and_then(Warning::of_daylight));
 

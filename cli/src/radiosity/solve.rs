@@ -53,21 +53,17 @@ impl<const BANDS: usize> Exchange<'_, BANDS> {
             interrupt.flow()
         };
         let balance = self.operator.balance(&optics.emission, &optics.reflectance)?;
-        let (emission, reflectance) = (balance.emission(), &optics.reflectance[..]);
+        let reflectance = &optics.reflectance[..];
         let stop = Stop { tolerance, max_iterations: MAX_BOUNCES };
         let apply = |b: &[[f64; BANDS]]| balance.apply(b);
-        let mut solution = match solver {
+        balance.solve(reflectance, |emission| match solver {
             SolverName::Cg => {
                 conjugate_gradients(self.surfels, emission, reflectance, stop, apply, report)
             }
             SolverName::Jacobi => jacobi(emission, reflectance, stop, apply, report),
             SolverName::Bicgstab => bicgstab(emission, reflectance, stop, apply, report),
-            SolverName::Southwell => self.shoot(&balance, reflectance, stop, report),
-        }?;
-        if balance.is_changed() {
-            solution.irradiance = self.operator.apply(&solution.radiosity)?;
-        }
-        Ok(solution)
+            SolverName::Southwell => self.shoot(&balance, emission, reflectance, stop, report),
+        })
     }
 
     /// What a picture gathers pixel by pixel: light straight from few lamps, and from the sun.
@@ -126,11 +122,12 @@ impl<const BANDS: usize> Exchange<'_, BANDS> {
     fn shoot(
         &self,
         balance: &Balance<'_, '_, BANDS>,
+        emission: &[[f64; BANDS]],
         reflectance: &[[f64; BANDS]],
         stop: Stop,
         report: impl Fn(usize, f64) -> ControlFlow<()>,
     ) -> Result<Solution<f64, BANDS>, Error> {
-        let (count, emission) = (self.surfels.len(), balance.emission());
+        let count = self.surfels.len();
         let stop = Stop { max_iterations: MAX_BOUNCES * count, ..stop };
         if !balance.is_changed() {
             let column = |i: usize| Ok::<_, Infallible>(self.column(i));

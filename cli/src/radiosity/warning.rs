@@ -42,6 +42,8 @@ pub(crate) enum WarningKind {
     Closure,
     /// Light that bounces about so often that errors of form factors add up.
     Level,
+    /// No surface sees the front of another.
+    NothingSeen,
     /// Elements of a closed room that exchange nothing.
     DarkRow,
     /// Lamps that lie within bodies, or between bodies that touch.
@@ -145,6 +147,14 @@ impl Warning {
             mesh.describe(scene, most)
         );
         Some(Self::new(WarningKind::Leak, message))
+    }
+
+    /// That no element sees another, if so: below the sky, a body may well be alone.
+    pub(crate) fn of_isolation(args: &Args, row_sums: &[f64]) -> Option<Self> {
+        let message = "no surface sees the front of another, so nothing is exchanged: a room has to look inwards";
+        let isolated = row_sums.len() > 1 && row_sums.iter().all(|&sum| sum == 0.0);
+        (isolated && !args.is_outdoors())
+            .then(|| Self::new(WarningKind::NothingSeen, message.to_owned()))
     }
 
     /// What is wrong with an exchange of which rows summed to `row_sums`, and were changed by these

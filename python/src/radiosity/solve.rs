@@ -119,15 +119,12 @@ impl Lit {
             let going = |_, _| {
                 if watch.is_stopped() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
             };
-            let (emission, reflectance) = (balance.emission(), &optics.reflectance[..]);
+            let reflectance = &optics.reflectance[..];
             let apply = |b: &[[f64; BANDS]]| balance.apply(b);
-            let found = conjugate_gradients(&surfels, emission, reflectance, stop, apply, going)?;
+            let found = balance.solve(reflectance, |emission| {
+                conjugate_gradients(&surfels, emission, reflectance, stop, apply, going)
+            })?;
             check(watch)?;
-            let irradiance = if balance.is_changed() {
-                operator.apply(&found.radiosity)?
-            } else {
-                found.irradiance
-            };
             lit.iterations += found.iterations;
             lit.residual = lit.residual.max(found.residual);
             for k in first..(first + BANDS).min(bands) {
@@ -136,7 +133,7 @@ impl Lit {
                     places.zip(rows).for_each(|(place, row)| *place = row[k - first]);
                 };
                 of_band(&found.radiosity, &mut lit.radiosity);
-                of_band(&irradiance, &mut lit.irradiance);
+                of_band(&found.irradiance, &mut lit.irradiance);
             }
         }
         lit.take_negative(scene, mesh, tolerance)?;

@@ -28,7 +28,8 @@ pub(crate) fn read(path: &Path) -> Result<Scene, SceneError> {
     for line in Lines::wavefront(path, &text, &NAMED) {
         match line.words[0] {
             "v" => soup.add_vertex(line.point(1)?),
-            "f" => {
+            // The second is an old spelling.
+            "f" | "fo" => {
                 let known = names.iter().position(|known| *known == current);
                 faces.add(&line, soup.vertices(), known.unwrap_or(names.len()))?;
                 if known.is_none() {
@@ -164,6 +165,13 @@ mod tests {
         let scene = read_obj(&MESH.replace("usemtl", "#"), Some(COLOURS)).expect("valid");
         assert_eq!(scene.missing, ["faces without a material made grey"]);
         assert_eq!(scene.materials, [Material { name: String::new(), ..Material::grey() }]);
+    }
+
+    #[test]
+    fn faces_may_be_spelt_as_of_old() {
+        let [new, old] = [MESH.to_owned(), MESH.replace("\nf ", "\nfo ")]
+            .map(|text| read_obj(&text, Some(COLOURS)).expect("valid"));
+        assert!(!new.surfaces.is_empty() && new.surfaces == old.surfaces);
     }
 
     #[test]

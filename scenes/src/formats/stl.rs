@@ -20,7 +20,7 @@ pub(crate) fn read(path: &Path) -> Result<Scene, SceneError> {
     let bytes = read_bytes(path)?;
     let declared = bytes.get(HEADER - 4..HEADER).and_then(|count| count.try_into().ok());
     let size = declared.map(|count| HEADER + RECORD * u32::from_le_bytes(count) as usize);
-    // Binary files may begin with `solid` as well: their length tells.
+    // Binary files may begin with `solid` as well: their length tells, or bytes that no text has.
     let mut behind = 0;
     let mut soup = if size != Some(bytes.len()) && is_ascii(&bytes) {
         ascii(path, &text(&bytes))?
@@ -59,7 +59,8 @@ const RECORD: usize = 50;
 /// Whether a file begins as ASCII files do.
 fn is_ascii(bytes: &[u8]) -> bool {
     let bytes = bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes).trim_ascii_start();
-    bytes.get(..SOLID.len()).is_some_and(|word| word.eq_ignore_ascii_case(SOLID))
+    let begins = bytes.get(..SOLID.len()).is_some_and(|word| word.eq_ignore_ascii_case(SOLID));
+    begins && !bytes.contains(&0)
 }
 
 /// The first word of an ASCII file.
@@ -189,15 +190,20 @@ mod tests {
 
     #[test]
     fn triangles_that_are_not_counted_are_said() {
-        let mut bytes = binary_file(&part(5), b"");
-        let scene = read_stl(&bytes).expect("valid");
-        assert_eq!((scene.surfaces.len(), scene.doubts.len()), (5, 0));
-        bytes.extend([0; 3]);
-        assert!(read_stl(&bytes).expect("valid").doubts.is_empty());
-        bytes[HEADER - 4] = 3;
-        let scene = read_stl(&bytes).expect("valid");
-        assert_eq!(scene.surfaces.len(), 3);
-        assert!(scene.doubts[0].ends_with("so many more, not read: 2"), "{:?}", scene.doubts);
+        for title in [&b""[..], b"solid but binary"] {
+            let mut bytes = binary_file(&part(5), title);
+            let scene = read_stl(&bytes).expect("valid");
+            assert_eq!((scene.surfaces.len(), scene.doubts.len()), (5, 0));
+            bytes.extend([0; 3]);
+            assert!(read_stl(&bytes).expect("valid").doubts.is_empty());
+            bytes[HEADER - 4] = 3;
+            let scene = read_stl(&bytes).expect("valid");
+            assert_eq!(scene.surfaces.len(), 3);
+            assert!(scene.doubts[0].ends_with("so many more, not read: 2"), "{:?}", scene.doubts);
+            bytes[HEADER - 4] = 7;
+            let message = read_stl(&bytes).expect_err("cut short").to_string();
+            assert!(message.contains("434 bytes of binary STL at least, found 337"), "{message}");
+        }
     }
 
     #[test]

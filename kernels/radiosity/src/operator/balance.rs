@@ -21,6 +21,9 @@ use crate::operator::RadiosityOperator;
 #[derive(Debug)]
 pub struct Balance<'a, 'b, const BANDS: usize> {
     operator: &'b RadiosityOperator<'a, BANDS>,
+    /// E.
+    own: &'b [[f64; BANDS]],
+    /// E″.
     emission: Cow<'b, [[f64; BANDS]]>,
     /// √τ g; empty where nothing has changed.
     weights: Vec<[f64; BANDS]>,
@@ -44,7 +47,8 @@ impl<'a, const BANDS: usize> RadiosityOperator<'a, BANDS> {
         check_length("emission", emission.len(), self.areas.len())?;
         check_length("reflectance", reflectance.len(), self.areas.len())?;
         let unchanged = Cow::Borrowed(emission);
-        let mut balance = Balance { operator: self, emission: unchanged, weights: Vec::new() };
+        let mut balance =
+            Balance { operator: self, own: emission, emission: unchanged, weights: Vec::new() };
         let reflects = |i: usize, k: usize| reflectance[i][k] > 0.0;
         // H z: 1 where all of the part reflects.
         let all_reflect = |i: usize| (0..BANDS).all(|k| reflects(i, k));
@@ -110,13 +114,22 @@ impl<'a, const BANDS: usize> RadiosityOperator<'a, BANDS> {
 }
 
 impl<const BANDS: usize> Balance<'_, '_, BANDS> {
+    /// E.
+    pub(crate) fn own(&self) -> &'_ [[f64; BANDS]] {
+        self.own
+    }
+
     /// E″.
     pub fn emission(&self) -> &[[f64; BANDS]] {
         &self.emission
     }
 
-    /// Whether it differs from the equation that it was made from. Then irradiances are
-    /// [`RadiosityOperator::apply`] of its solution.
+    /// H, from which H″ was made.
+    pub(crate) fn operator(&self) -> &RadiosityOperator<'_, BANDS> {
+        self.operator
+    }
+
+    /// Whether it differs from the equation that it was made from.
     pub fn is_changed(&self) -> bool {
         !self.weights.is_empty()
     }

@@ -6,6 +6,7 @@ mod floor;
 mod watch;
 mod jacobi;
 mod southwell;
+mod reflected;
 mod conjugate_gradients;
 mod bicgstab;
 mod energy;

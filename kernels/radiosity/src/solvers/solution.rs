@@ -10,7 +10,8 @@ use crate::error::{Error, check_length};
 /// When a solver stops.
 ///
 /// The residual is that of the equation itself, r = E + ρ H(B) − B, not the change of B: the
-/// largest ‖r‖₂ / ‖E‖₂ over the bands.
+/// largest ‖r‖₂ / ‖E‖₂ over the bands. Where a small lamp is much brighter than all it lights, that is small from the start:
+/// [`Balance::solve`](crate::Balance::solve) has the equation for reflected light alone.
 ///
 /// A tolerance can ask for more digits than the sums H(B) have: those of a fast sum are often formed in
 /// single precision. The residual then falls to what rounding leaves of it and goes on in a circle.
