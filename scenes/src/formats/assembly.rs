@@ -16,7 +16,9 @@ use crate::scene::error::SceneError;
 use crate::scene::geometry::is_watertight;
 use crate::scene::material::{Material, RGB_BANDS};
 use crate::scene::place::Part;
+use crate::scene::surface::Surface;
 use crate::scene::viewpoint::Viewpoint;
+use crate::scene::weld::Weld;
 
 /// The scene that a TOML file describes. The names of mesh files start from its folder.
 ///
@@ -104,7 +106,7 @@ impl<'a> Assembly<'a> {
     /// Adds the quadrilaterals, in two triangles each where they are not quite flat.
     fn add_quads(&mut self, description: &Description) -> Result<(), SceneError> {
         let (first, mut numbers) = (self.scene.surfaces.len(), Vec::new());
-        let (mut bent, mut duplicate) = (0, 0);
+        let (mut bent, mut duplicate, mut two_sided) = (0, 0, true);
         let mut seen = HashSet::new();
         for (index, quad) in description.quad.iter().enumerate() {
             let material = self.named(&quad.material, &description.materials)?;
@@ -113,7 +115,7 @@ impl<'a> Assembly<'a> {
                 continue;
             }
             self.scene.closed &= self.scene.materials[material].two_sided;
-            self.scene.watertight &= self.scene.materials[material].two_sided;
+            two_sided &= self.scene.materials[material].two_sided;
             let pieces = flat_pieces(&quad.corners.map(DVec3::from_array));
             bent += usize::from(pieces.len() > 1);
             for piece in pieces {
@@ -122,6 +124,7 @@ impl<'a> Assembly<'a> {
             }
             numbers.resize(self.scene.surfaces.len() - first, index as u32 + 1);
         }
+        self.scene.watertight &= two_sided || self.is_sealed(first);
         let file = file_name(self.path);
         self.scene.parts.push(Part { file, kind: "quad", first, numbers });
         for (count, what) in [
@@ -131,6 +134,18 @@ impl<'a> Assembly<'a> {
             self.scene.repairs.extend((count > 0).then(|| format!("{what}: {count}")));
         }
         Ok(())
+    }
+
+    /// Whether the surfaces from this one on enclose volumes without gaps. Each has vertices of its own.
+    fn is_sealed(&self, first: usize) -> bool {
+        let mut weld = Weld::default();
+        let welded = |surface: &Surface| {
+            let corners = self.scene.corners(surface);
+            let corners = corners.into_iter().map(|corner| weld.vertex(corner)).collect();
+            Surface { corners, ..surface.clone() }
+        };
+        let surfaces: Vec<Surface> = self.scene.surfaces[first..].iter().map(welded).collect();
+        is_watertight(&surfaces)
     }
 
     fn add_mesh(

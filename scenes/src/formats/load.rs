@@ -199,6 +199,24 @@ mod descriptions {
     }
 
     #[test]
+    fn walls_that_meet_edge_to_edge_leave_no_gaps() {
+        let open = [("closed = true", "")];
+        // Its ceiling is in two quads, and the walls beside it are in one: there, a gap might be.
+        assert!(!described(&cube(&open)).expect("valid").watertight);
+        let panels = "[0, 0, 1], [0, 1, 1], [0.5, 1, 1], [0.5, 0, 1]";
+        let half =
+            "{ corners = [[0.5, 0, 1], [0.5, 1, 1], [1, 1, 1], [1, 0, 1]], material = \"w\" }, ";
+        let whole = "[0, 0, 1], [0, 1, 1], [1, 1, 1], [1, 0, 1]";
+        let room = [("closed = true", ""), (panels, whole), (half, "")];
+        let scene = described(&cube(&room)).expect("valid");
+        assert!(scene.watertight && !scene.closed && scene.surfaces.len() == 6);
+        let missing =
+            "{ corners = [[0, 0, 0], [0, 1, 0], [0, 1, 1], [0, 0, 1]], material = \"w\" }, ";
+        let ajar = [&room[..], &[(missing, "")]].concat();
+        assert!(!described(&cube(&ajar)).expect("valid").watertight);
+    }
+
+    #[test]
     fn a_panel_of_a_closed_room_that_looks_out_of_it_is_turned_and_said() {
         let panel = "[0.5, 0, 1], [0.5, 1, 1], [1, 1, 1], [1, 0, 1]";
         let turned = "[1, 0, 1], [1, 1, 1], [0.5, 1, 1], [0.5, 0, 1]";

@@ -47,7 +47,6 @@ impl<const BANDS: usize> Balance<'_, '_, BANDS> {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use crate::{
         Corrections, Element, RadiosityOperator, Stop, Surfel, conjugate_gradients, jacobi,
     };
