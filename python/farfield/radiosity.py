@@ -27,6 +27,10 @@ from ._errors import InputError
 __all__ = ["AccuracyWarning", "MeshWarning", "Solution", "form_factors", "sky_view_factors", "solve"]
 
 
+# The error of all light together that goes without saying.
+_LEVEL = 0.05
+
+
 class MeshWarning(UserWarning):
     """A mesh was mended, or may be meant otherwise than it was taken."""
 
@@ -55,6 +59,8 @@ class Solution(NamedTuple):
     """The relative l2 error of taking the light to be constant on each element; None if it isn't known."""
     factor_error: float
     """By how much the form factors of an element are off in all, from rays; 0 where rays can't tell, below about 3e-4."""
+    reflections: float
+    """How often light is reflected, on average, where some of it leaves the scene: as often, that error comes in."""
 
 
 def solve(
@@ -104,12 +110,19 @@ def solve(
         found[name] = light[:, 0] if flat else light
     found["row_sums"][lost] = np.nan
     solution = Solution(**found)
+    if len(polygons) >= 4 and not found["row_sums"][~lost].any():
+        _warn(MeshWarning, "no face sees the front of another, so nothing is exchanged: a room has to look inwards")
     if solution.element_error is None:
         _warn(AccuracyWarning, f"it isn't known how far constants on {solution.elements} elements are off")
     elif solution.element_error > tolerance:
         _warn(AccuracyWarning, f"constants on {solution.elements} elements are off by {solution.element_error:.1e}")
-    if solution.factor_error > tolerance:
-        _warn(AccuracyWarning, f"the form factors of an element are off by {solution.factor_error:.1e} in all")
+    level = solution.factor_error * max(1.0, solution.reflections)
+    if level > max(tolerance, _LEVEL):
+        _warn(
+            AccuracyWarning,
+            f"form factors of an element are off by {solution.factor_error:.1e} in all, and light is reflected "
+            f"{solution.reflections:.1f} times before it leaves: all of it may be off by {min(level, 1.0):.0%}",
+        )
     return solution
 
 
@@ -240,10 +253,10 @@ def _room(points: Any, polygons: List[Any], optics: Any, threads: Any) -> Any:
         None if threads is None else count("threads", threads, 512),
     )
     for note in room.notes():
-        _warn(MeshWarning, note)
+        _warn(MeshWarning, note, 4)
     return room
 
 
-def _warn(kind: Any, message: str) -> None:
+def _warn(kind: Any, message: str, level: int = 3) -> None:
     # At the line that called `solve` or its like.
-    warnings.warn(message, kind, stacklevel=4 if kind is MeshWarning else 3)
+    warnings.warn(message, kind, stacklevel=level)

@@ -101,6 +101,24 @@ def test_meshes_of_other_packages(package, box):
     assert {*sky.round(2)} == {0, 0.5, 1}
 
 
+def test_what_nothing_is_exchanged_by_is_said():
+    outwards = [face[::-1] for face in ROOM]
+    with pytest.warns(radiosity.MeshWarning, match="a room has to look inwards"):
+        found = radiosity.solve(CORNERS, outwards, 0.5, 1.0, elements=600)
+    assert np.array_equal(found.irradiance, np.zeros(6))
+
+
+def test_a_small_bright_lamp_lights_its_room():
+    lamp = np.array([[0.5, 0.5, 0.9], [0.501, 0.5, 0.9], [0.501, 0.501, 0.9], [0.5, 0.501, 0.9]])
+    vertices = np.vstack([CORNERS, lamp])
+    faces = [*ROOM, [8, 9, 10, 11], [11, 10, 9, 8]]
+    reflectance, emission = np.array([0.8] * 6 + [0] * 2), np.array([0.0] * 6 + [1e6, 0])
+    with pytest.warns(radiosity.AccuracyWarning):
+        found = radiosity.solve(vertices, faces, reflectance, emission, elements=1500)
+    absorbed = found.areas @ ((1 - reflectance) * found.irradiance)
+    assert abs(absorbed - 1) < 0.02 and found.irradiance[:6].min() > 0.5
+
+
 def test_what_is_no_mesh_is_refused():
     with pytest.raises(ff.InputError, match="a float without faces"):
         radiosity.form_factors(1.0)

@@ -33,6 +33,7 @@ mod pictures;
 mod output;
 
 pub use cutting::fields::Fields;
+pub use cutting::lamps::with_lamps_cut;
 pub use cutting::mesh::{Mesh, even_cuts, fewest_elements};
 pub use cutting::optics::Optics;
 pub use cutting::pieces::Cuts;

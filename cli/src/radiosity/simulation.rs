@@ -6,6 +6,7 @@ use std::io::{self, Write};
 use farfield_radiosity::{Error, Occluders, RadiosityOperator, Surfel, Surroundings, Visibility};
 use farfield_scenes::{
     Cuts, Fields, Mesh, Optics, Output, Refinement, Scene, Sight, even_cuts, is_same_file,
+    with_lamps_cut,
 };
 
 use super::args::{Args, ExpansionName, QuantityName, SchemeName, SolverName, VisibilityName};
@@ -77,7 +78,11 @@ pub(crate) fn run<const BANDS: usize>(
     } else {
         args.element_count()
     };
-    let mut cuts = even_cuts(scene, first)?;
+    let most = args.element_count();
+    // A number of elements is about what is meant; at most so many are, with a tolerance.
+    let limit = if args.is_adaptive() { most } else { most + most / 10 };
+    let finer = |cuts| with_lamps_cut(scene, args.quantity.into(), cuts, limit);
+    let mut cuts = finer(even_cuts(scene, first)?);
     let mut mesh = Mesh::with_cuts(scene, &cuts)?;
     let warnings = Warning::of_scene(args, scene, mesh.elements.len())?;
     Failure::of_warnings(args.strict, &warnings)?;
@@ -90,7 +95,6 @@ pub(crate) fn run<const BANDS: usize>(
         let run = Run { args, scene, bands, mesh: &mesh, is_dark, progress: &progress, interrupt };
         let refined = |fields: &Fields| {
             let field = &fields.irradiance;
-            let most = args.element_count();
             let mut next = Refinement::new(scene, &mesh, field, aim.get(), most);
             if let Some(error) = next.error
                 && (tolerance..NEARLY * tolerance).contains(&error)
@@ -98,8 +102,9 @@ pub(crate) fn run<const BANDS: usize>(
                 aim.set(aim.get() * CLOSER * tolerance / error);
                 next = Refinement::new(scene, &mesh, field, aim.get(), most);
             }
-            let finer = !last && next.cuts != cuts;
-            (next, finer)
+            next.cuts = finer(next.cuts);
+            let goes_on = !last && next.cuts != cuts;
+            (next, goes_on)
         };
         match run.solve::<BANDS>(&mut output, &mut latest, &refined)? {
             Outcome::TooCoarse(next, solved) => {
@@ -208,7 +213,7 @@ impl Run<'_> {
         drop(bar);
         let mut warnings =
             Warning::of_exchange(scene, mesh, &sight, &row_sums, |k| operator.scaling(k));
-        warnings.extend(Warning::of_isolation(args, &row_sums));
+        warnings.extend(Warning::of_isolation(args, scene, &row_sums));
         warnings.extend(Warning::of_leaks(scene, mesh, &around));
         warnings.extend(received.as_ref().and_then(Warning::of_daylight));
 

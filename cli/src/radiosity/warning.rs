@@ -58,6 +58,8 @@ const LEAK: f64 = 1e-3;
 const CLOSURE: f64 = 0.05;
 /// The error of all light together that goes without saying.
 const LEVEL: f64 = 0.05;
+/// The fewest surfaces that enclose a room.
+const FEWEST_WALLS: usize = 4;
 /// Rows of a closed room that sum to less exchange nothing.
 const DARK: f64 = 0.01;
 
@@ -149,10 +151,12 @@ impl Warning {
         Some(Self::new(WarningKind::Leak, message))
     }
 
-    /// That no element sees another, if so: below the sky, a body may well be alone.
-    pub(crate) fn of_isolation(args: &Args, row_sums: &[f64]) -> Option<Self> {
+    /// That no element sees another, if so: below the sky, a body may well be alone, and so may surfaces that are too few
+    /// for a room.
+    pub(crate) fn of_isolation(args: &Args, scene: &Scene, row_sums: &[f64]) -> Option<Self> {
         let message = "no surface sees the front of another, so nothing is exchanged: a room has to look inwards";
-        let isolated = row_sums.len() > 1 && row_sums.iter().all(|&sum| sum == 0.0);
+        let isolated =
+            scene.surfaces.len() >= FEWEST_WALLS && row_sums.iter().all(|&sum| sum == 0.0);
         (isolated && !args.is_outdoors())
             .then(|| Self::new(WarningKind::NothingSeen, message.to_owned()))
     }

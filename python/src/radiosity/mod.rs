@@ -77,6 +77,7 @@ impl Room {
         solution.set_item("residual", found.residual)?;
         solution.set_item("element_error", found.element_error)?;
         solution.set_item("factor_error", found.factor_error)?;
+        solution.set_item("reflections", found.reflections)?;
         Ok(solution)
     }
 

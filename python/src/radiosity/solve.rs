@@ -7,7 +7,9 @@ use farfield_radiosity::{
     Error, Irradiance, RadiosityOperator, Stop, Surfel, Surroundings, Visibility,
     conjugate_gradients,
 };
-use farfield_scenes::{Mesh, Optics, Quantity, Refinement, Scene, Sight, even_cuts};
+use farfield_scenes::{
+    Mesh, Optics, Quantity, Refinement, Scene, Sight, even_cuts, with_lamps_cut,
+};
 
 use super::{Failure, check, faces_of};
 
@@ -41,6 +43,8 @@ pub(super) struct Found {
     pub(super) element_error: Option<f64>,
     /// How far rows of form factors are off, in the root mean square.
     pub(super) factor_error: f64,
+    /// How often light is reflected, on average, where some of it leaves the scene.
+    pub(super) reflections: f64,
 }
 
 /// The light in a scene, on at most so many elements unless it has more surfaces.
@@ -52,7 +56,8 @@ pub(super) fn solve(
     watch: &Watch,
 ) -> Result<Found, Failure> {
     let scene = scene.clone().cut_where_surfaces_meet();
-    let mut cuts = even_cuts(&scene, most.min(scene.surfaces.len() + FIRST_ELEMENTS))?;
+    let finer = |cuts| with_lamps_cut(&scene, Quantity::Light, cuts, most);
+    let mut cuts = finer(even_cuts(&scene, most.min(scene.surfaces.len() + FIRST_ELEMENTS))?);
     let mut meshes = 1;
     loop {
         let mesh = Mesh::with_cuts(&scene, &cuts)?;
@@ -61,7 +66,8 @@ pub(super) fn solve(
         } else {
             Lit::new::<3>(&scene, &mesh, tolerance, watch)
         }?;
-        let next = Refinement::new(&scene, &mesh, &lit.irradiance, tolerance, most);
+        let mut next = Refinement::new(&scene, &mesh, &lit.irradiance, tolerance, most);
+        next.cuts = finer(next.cuts);
         let is_fine = next.error.is_some_and(|error| error <= tolerance);
         if is_fine || meshes == MOST_MESHES || next.cuts == cuts {
             return Ok(lit.over_faces(&scene, &mesh, faces, next.error));
@@ -80,6 +86,7 @@ struct Lit {
     iterations: usize,
     residual: f64,
     factor_error: f64,
+    reflections: f64,
 }
 
 impl Lit {
@@ -104,14 +111,21 @@ impl Lit {
         operator.leave_out(around.buried())?;
         let row_sums = operator.row_sums()?;
         let factor_error = around.row_error(&row_sums);
-        close(&mut operator, scene, &around)?;
+        let parts = close(&mut operator, scene, &around)?;
 
         let bands = scene.bands();
         let zeros = || vec![0.0; elements.len() * bands];
         let (radiosity, irradiance) = (zeros(), zeros());
-        let (iterations, residual) = (0, 0.0);
-        let mut lit =
-            Self { bands, radiosity, irradiance, row_sums, iterations, residual, factor_error };
+        let mut lit = Self {
+            bands,
+            radiosity,
+            irradiance,
+            row_sums,
+            iterations: 0,
+            residual: 0.0,
+            factor_error,
+            reflections: 0.0,
+        };
         for first in (0..bands).step_by(BANDS) {
             let optics = Optics::<BANDS>::new(scene, mesh, Quantity::Light, bands, first);
             let balance = operator.balance(&optics.emission, &optics.reflectance)?;
@@ -127,6 +141,17 @@ impl Lit {
             check(watch)?;
             lit.iterations += found.iterations;
             lit.residual = lit.residual.max(found.residual);
+            let open =
+                || surfels.iter().zip(&parts).enumerate().filter(|(_, (_, part))| part.is_none());
+            for k in 0..BANDS {
+                let sum = |light: &[[f64; BANDS]]| -> f64 {
+                    open().map(|(i, (surfel, _))| surfel.area * light[i][k]).sum()
+                };
+                let emitted = sum(&optics.emission);
+                let reflected = sum(&found.radiosity) - emitted;
+                let reflections = if emitted > 0.0 { reflected / emitted } else { 0.0 };
+                lit.reflections = lit.reflections.max(reflections);
+            }
             for k in first..(first + BANDS).min(bands) {
                 let of_band = |rows: &[[f64; BANDS]], field: &mut [f64]| {
                     let places = field.iter_mut().skip(k).step_by(bands);
@@ -186,23 +211,25 @@ impl Lit {
             residual: self.residual,
             element_error: error,
             factor_error: self.factor_error,
+            reflections: self.reflections,
         }
     }
 }
 
-/// Closes the parts of a scene that no ray leaves, if its mesh has no gaps; those that can't be closed stay open.
+/// Closes the parts of a scene that no ray leaves, if its mesh has no gaps, and returns which they are; those that can't be
+/// closed stay open.
 fn close<const BANDS: usize>(
     operator: &mut RadiosityOperator<'_, BANDS>,
     scene: &Scene,
     around: &Surroundings<'_>,
-) -> Result<(), Error> {
+) -> Result<Vec<Option<u32>>, Error> {
     let open = vec![None; around.closed_parts().len()];
     let parts = if scene.watertight { around.closed_parts().to_vec() } else { open.clone() };
-    match operator.close_parts(parts, MOST_CLOSURE) {
+    match operator.close_parts(parts.clone(), MOST_CLOSURE) {
         Err(Error::NotClosable { .. } | Error::NotClosed { .. }) if scene.watertight => {
-            operator.close_parts(open, MOST_CLOSURE)?;
+            operator.close_parts(open.clone(), MOST_CLOSURE)?;
+            Ok(open)
         }
-        closure => drop(closure?),
+        closure => closure.map(|_| parts),
     }
-    Ok(())
 }

@@ -7,5 +7,6 @@ pub(crate) mod optics;
 pub(crate) mod overlaps;
 pub(crate) mod pieces;
 pub(crate) mod polygon;
+pub(crate) mod lamps;
 pub(crate) mod refine;
 pub(crate) mod slopes;
