@@ -16,7 +16,7 @@ faces, one with its corners in reverse order.
 from __future__ import annotations
 
 import warnings
-from typing import Any, List, NamedTuple, Tuple, Union
+from typing import Any, NamedTuple, Tuple, Union
 
 import numpy as np
 
@@ -87,9 +87,9 @@ def solve(
     Warns with `MeshWarning` of what was mended, and with `AccuracyWarning` if the tolerance is missed.
     Raises `InputError` that names what is wrong, and `SumError` if the light doesn't settle.
     """
-    points, polygons = _mesh(vertices, faces)
-    rho = _optics("reflectance", reflectance, len(polygons))
-    e = _optics("emission", emission, len(polygons))
+    points, corners, sizes = _mesh(vertices, faces)
+    rho = _optics("reflectance", reflectance, len(sizes))
+    e = _optics("emission", emission, len(sizes))
     bands = max(rho.shape[1], e.shape[1])
     for name, values in (("reflectance", rho), ("emission", e)):
         if values.shape[1] not in (1, bands):
@@ -98,8 +98,8 @@ def solve(
     _check("emission", e, (e >= 0) & np.isfinite(e), "a finite number, 0 or more")
     if not e.any():
         raise InputError("emission is 0 everywhere: expected a face that emits")
-    shape = (len(polygons), bands)
-    room = _room(points, polygons, np.hstack([np.broadcast_to(rho, shape), np.broadcast_to(e, shape)]), threads)
+    shape = (len(sizes), bands)
+    room = _room(points, corners, sizes, np.hstack([np.broadcast_to(rho, shape), np.broadcast_to(e, shape)]), threads)
     tolerance = number("tolerance", tolerance)
     found = room.solve(count("elements", elements), tolerance)
     lost = found["areas"] == 0
@@ -110,7 +110,7 @@ def solve(
         found[name] = light[:, 0] if flat else light
     found["row_sums"][lost] = np.nan
     solution = Solution(**found)
-    if len(polygons) >= 4 and not found["row_sums"][~lost].any():
+    if len(sizes) >= 4 and not found["row_sums"][~lost].any():
         _warn(MeshWarning, "no face sees the front of another, so nothing is exchanged: a room has to look inwards")
     if solution.element_error is None:
         _warn(AccuracyWarning, f"it isn't known how far constants on {solution.elements} elements are off")
@@ -142,13 +142,13 @@ def form_factors(
     """
     from scipy.sparse import coo_array
 
-    points, polygons = _mesh(vertices, faces)
+    points, corners, sizes = _mesh(vertices, faces)
     tolerance = number("tolerance", tolerance)
     if not 0 < tolerance < 1:
         raise InputError(f"tolerance is {tolerance}: expected a number between 0 and 1, both excluded")
-    room = _room(points, polygons, np.zeros((len(polygons), 2)), threads)
+    room = _room(points, corners, sizes, np.zeros((len(sizes), 2)), threads)
     rows, columns, values = room.form_factors(tolerance)
-    return coo_array((values, (rows, columns)), shape=(len(polygons), len(polygons))).tocsr()
+    return coo_array((values, (rows, columns)), shape=(len(sizes), len(sizes))).tocsr()
 
 
 def sky_view_factors(
@@ -173,16 +173,16 @@ def sky_view_factors(
 
     Warns with `MeshWarning`, raises `InputError`, and is ended by Ctrl-C, as `solve`.
     """
-    points, polygons = _mesh(vertices, faces)
+    points, corners, sizes = _mesh(vertices, faces)
     up = array("zenith", zenith)
     if up.shape != (3,) or up.dtype.kind not in "fiu":
         raise InputError(f"zenith is {zenith!r}: expected three numbers")
-    room = _room(points, polygons, np.zeros((len(polygons), 2)), threads)
+    room = _room(points, corners, sizes, np.zeros((len(sizes), 2)), threads)
     return room.daylight([float(x) for x in up], bool(overcast), count("rays", rays, 2**24))
 
 
-def _mesh(vertices: Any, faces: Any) -> Tuple[Any, List[Any]]:
-    """Vertices, and for each face the numbers of its corners."""
+def _mesh(vertices: Any, faces: Any) -> Tuple[Any, Any, Any]:
+    """Vertices, the numbers of the corners of all faces, and how many each face has."""
     if faces is None:
         vertices, faces = _parts(vertices)
     points = array("vertices", vertices)
@@ -192,6 +192,18 @@ def _mesh(vertices: Any, faces: Any) -> Tuple[Any, List[Any]]:
     bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
     if bad.size:
         raise InputError(f"vertices[{bad[0]}] is {points[bad[0]].tolist()}: expected finite coordinates")
+    corners, sizes = _corners(faces)
+    missing = np.flatnonzero((corners < 0) | (corners >= len(points)))
+    if missing.size:
+        face = np.searchsorted(np.cumsum(sizes), missing[0], side="right")
+        raise InputError(f"faces[{face}] has a corner at vertex {corners[missing[0]]}: expected 0 to {len(points) - 1}")
+    return points, corners, sizes
+
+
+def _corners(faces: Any) -> Tuple[Any, Any]:
+    """The corners of all faces, one face after the other, and how many each has."""
+    if isinstance(faces, np.ndarray) and faces.ndim == 2 and faces.shape[1] >= 3 and faces.dtype.kind in "iu":
+        return np.asarray(faces).reshape(-1), np.full(len(faces), faces.shape[1])
     try:
         polygons = [np.asarray(corners) for corners in faces]
     except (TypeError, ValueError):
@@ -199,10 +211,8 @@ def _mesh(vertices: Any, faces: Any) -> Tuple[Any, List[Any]]:
     for face, corners in enumerate(polygons):
         if corners.ndim != 1 or len(corners) < 3 or corners.dtype.kind not in "iu":
             raise InputError(f"faces[{face}] is {corners.tolist()}: expected the numbers of three vertices or more")
-        missing = corners[(corners < 0) | (corners >= len(points))]
-        if missing.size:
-            raise InputError(f"faces[{face}] has a corner at vertex {missing[0]}: expected 0 to {len(points) - 1}")
-    return points, polygons
+    flat = np.concatenate(polygons) if polygons else np.empty(0, np.int64)
+    return flat, np.array([len(corners) for corners in polygons], np.int64)
 
 
 def _parts(mesh: Any) -> Tuple[Any, Any]:
@@ -242,12 +252,11 @@ def _check(name: str, values: Any, right: Any, expected: str) -> None:
         raise InputError(f"the {name} of face {face} is {values[face, band]} in band {band}: expected {expected}")
 
 
-def _room(points: Any, polygons: List[Any], optics: Any, threads: Any) -> Any:
-    corners = np.concatenate(polygons) if polygons else np.empty(0)
+def _room(points: Any, corners: Any, sizes: Any, optics: Any, threads: Any) -> Any:
     room = _native.Room(
         points.reshape(-1),
         corners.astype(np.uint32),
-        np.array([len(corners) for corners in polygons], np.uint32),
+        sizes.astype(np.uint32),
         np.ascontiguousarray(optics, np.float64).reshape(-1),
         optics.shape[1] // 2,
         None if threads is None else count("threads", threads, 512),
