@@ -285,9 +285,10 @@ proptest! {
         let child = theorems.l2l(shift, scale, &parent);
         let found = theorems.l2p(&child, x);
         let expected = scale.powf(2.0 * lambda) * theorems.l2p(&parent, x * scale + shift);
-        // Sources at least 4 away, points within 2: the sum of the moduli of all terms is at most
-        // Σ_n (2λ)_n/n! 4^(−2λ) 2^−n, with |λ| for λ.
-        let unit = total(&cloud) * 6f64.powf(2.0 * lambda.abs()) * 2f64.powf(2.0 * lambda.abs());
+        // Sources 4 to 6 away, points within 2: the sum of the moduli of all terms is at most
+        // Σ_n (2|λ|)_n/n! |y|^(−2λ) (2/|y|)^n = |y|^(−2λ) (1 − 2/|y|)^(−2|λ|).
+        let most = if lambda > 0.0 { 2f64.powf(-2.0 * lambda) } else { 9f64.powf(-2.0 * lambda) };
+        let unit = total(&cloud) * scale.powf(2.0 * lambda) * most;
         let error = (found - expected).abs();
         prop_assert!(error < ROUNDING * unit, "{error:e} {unit:e}");
     }

@@ -177,11 +177,11 @@ mod tests {
 
     const STOP: Stop = Stop { tolerance: 1e-7, max_iterations: 60 };
 
-    /// The solution by each of three solvers.
+    /// The solution by each of three solvers, and by one of them for what is reflected.
     fn solutions(
         emission: &[[f64; 1]],
         reflectance: &[[f64; 1]],
-    ) -> Result<[Solution<f64, 1>; 3], Error> {
+    ) -> Result<[Solution<f64, 1>; 4], Error> {
         let scene = furnace(4);
         let mut operator = plain(&scene);
         operator.close_parts(vec![Some(0); scene.surfels.len()], 0.5)?;
@@ -191,6 +191,9 @@ mod tests {
             conjugate_gradients(&scene.surfels, e, reflectance, STOP, apply, |_, _| ())?,
             jacobi(e, reflectance, STOP, apply, |_, _| ())?,
             bicgstab(e, reflectance, STOP, apply, |_, _| ())?,
+            balance.solve(reflectance, |e| {
+                conjugate_gradients(&scene.surfels, e, reflectance, STOP, apply, |_, _| ())
+            })?,
         ])
     }
 
@@ -228,8 +231,13 @@ mod tests {
             let surfels = &scene.surfels;
             let b = conjugate_gradients(surfels, e, &reflectance, STOP, apply, |_, _| ()).unwrap();
             let h = operator.apply(&b.radiosity).unwrap();
+            let reflected = balance.solve(&reflectance, |e| {
+                conjugate_gradients(surfels, e, &reflectance, STOP, apply, |_, _| ())
+            });
             // It takes all that is emitted.
-            assert!(((1.0 - absorbing) * h[0][0] - 1.0).abs() < 1e-4, "{absorbing} {:?}", h[0]);
+            for h in [h, reflected.unwrap().irradiance] {
+                assert!(((1.0 - absorbing) * h[0][0] - 1.0).abs() < 1e-4, "{absorbing} {:?}", h[0]);
+            }
         }
     }
 

@@ -26,8 +26,9 @@ impl<const BANDS: usize> Balance<'_, '_, BANDS> {
         let first: Vec<[f64; BANDS]> = (0..received.len())
             .map(|i| {
                 let glow = |k: usize| self.emission()[i][k] - self.own()[i][k];
-                // Sums are off by their tolerance, and may be so below zero.
-                array::from_fn(|k| glow(k) + reflectance[i][k] * received[i][k].max(0.0))
+                // Sums are off by their tolerance, and may be so below zero. H″ alone may well be negative: it is what
+                // arrives beyond the even glow.
+                array::from_fn(|k| (glow(k) + reflectance[i][k] * received[i][k]).max(0.0))
             })
             .collect();
         let mut solution = solver(&first)?;
