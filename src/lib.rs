@@ -73,6 +73,7 @@ pub use expansion::costs::Costs;
 pub use expansion::geometry::{Geometry, Level, Strength};
 pub use expansion::level_cells::{LevelFamilies, LevelPairs};
 pub use expansion::offset_map::OffsetMap;
+pub use expansion::weights::Weights;
 pub use expansion::{ChargeOf, Expansion, RealOf, SourceOf, TargetOf, ValueOf};
 pub use interpolation::black_box::Interpolation;
 pub use interpolation::store::OperatorStore;

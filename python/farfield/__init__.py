@@ -185,6 +185,10 @@ class Plan:
     ) -> None:
         if not isinstance(kernel, str):
             raise KernelError(f"kernel is {type(kernel).__name__}: expected a name or a formula, as a str")
+        try:
+            kernel.encode()
+        except UnicodeEncodeError as error:
+            raise KernelError(f"kernel is {kernel!a}: expected a name or a formula, without lone surrogates") from error
         sources = _points("x", x, None)
         self.dtype = sources.dtype
         targets = sources if targets is None else _points("targets", targets, self.dtype)
@@ -261,7 +265,11 @@ class Plan:
 
     def certificate(self, q: Any) -> Certificate:
         """How far the sums for charges q, of one right-hand side, are from the exact ones. Sums once more."""
-        return Certificate(**self._native.certificate(self._charges(array("q", q)).reshape(-1)))
+        charges = array("q", q)
+        if self._densities == 1 and charges.ndim == 2:
+            expected = f"({self._sources},), one right-hand side at a time"
+            raise InputError(f"q has shape {charges.shape}: expected {expected}")
+        return Certificate(**self._native.certificate(self._charges(charges).reshape(-1)))
 
     def report(self) -> dict:
         """What the plan consists of: sizes, pairs of each kind, and a table as "text"."""

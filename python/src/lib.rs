@@ -174,7 +174,8 @@ macro_rules! plan {
                 charges: PyReadonlyArray1<'_, $real>,
             ) -> PyResult<Bound<'py, PyDict>> {
                 let charges = charges.as_slice()?.to_vec();
-                let (_, found) = self.0.run(py, 1, |plan, _| plan.apply_certified(&charges))?;
+                let (_, found) =
+                    self.0.run(py, 1, |plan, watch| plan.apply_certified(&charges, watch))?;
                 let certificate = PyDict::new(py);
                 certificate.set_item("relative_l2", found.relative_l2)?;
                 certificate.set_item("estimate", found.estimate)?;

@@ -28,6 +28,8 @@ Q = np.ones(4)
         (lambda: ff.sum("1/r", X, Q, threads=0), ff.InputError, "threads is 0: expected a whole number"),
         (lambda: ff.sum("1/r", X, Q, coincident="no"), ff.InputError, "coincident is 'no'"),
         (lambda: ff.sum(3, X, Q), ff.KernelError, "kernel is int"),
+        (lambda: ff.plan("1/r", X).certificate(np.ones((4, 2))), ff.InputError, r"expected \(4,\), one right-hand side at a time"),
+        (lambda: ff.sum("1/r\udc80", X, Q), ff.KernelError, "without lone surrogates"),
         (lambda: ff.sum("1/q", X, Q), ff.KernelError, 'the name "q" is unknown'),
         (lambda: ff.sum("1/r", X, Q, k=1), ff.KernelError, 'the parameter "k" does not occur'),
         (lambda: ff.sum("exp(-k*r)", X, Q, k="a"), ff.InputError, "k is 'a': expected a number"),

@@ -103,7 +103,7 @@ def test_meshes_of_other_packages(package, box):
 
 def test_what_nothing_is_exchanged_by_is_said():
     outwards = [face[::-1] for face in ROOM]
-    with pytest.warns(radiosity.MeshWarning, match="a room has to look inwards"):
+    with pytest.warns(radiosity.AccuracyWarning), pytest.warns(radiosity.MeshWarning, match="a room has to look inwards"):
         found = radiosity.solve(CORNERS, outwards, 0.5, 1.0, elements=600)
     assert np.array_equal(found.irradiance, np.zeros(6))
 

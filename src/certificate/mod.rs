@@ -103,15 +103,29 @@ impl<E: Expansion> Fmm<E> {
         charges: &[ChargeOf<E>],
         sampling: &Sampling,
     ) -> Result<(Vec<ValueOf<E>>, Certificate), Error> {
+        self.apply_certified_watched(charges, sampling, &Watch::default())
+    }
+
+    /// As [`apply_certified_by`](Self::apply_certified_by), but `watch` can stop it.
+    ///
+    /// # Errors
+    /// As [`apply_certified_by`](Self::apply_certified_by), or [`Error::Stopped`].
+    pub fn apply_certified_watched(
+        &self,
+        charges: &[ChargeOf<E>],
+        sampling: &Sampling,
+        watch: &Watch,
+    ) -> Result<(Vec<ValueOf<E>>, Certificate), Error> {
         sampling.check()?;
         self.check_charges(charges)?;
-        let ready = self.plan_for(charges, &Watch::default())?;
+        let ready = self.plan_for(charges, watch)?;
         let plan = &ready.plan;
         ready.with_workspace(|workspace| {
-            let far = plan.run_parted(charges, workspace);
+            let far = plan.run_parted(charges, workspace, watch);
+            watch.check()?;
             let values = plan.in_callers_order(workspace);
             check_values(&values)?;
-            let reference = Reference { plan, charges: &workspace.charges };
+            let reference = Reference { plan, charges: &workspace.charges, watch };
             let sample = Sample::new(reference, &workspace.values, &far);
             Ok((values, sample.certificate(sampling)?))
         })
@@ -205,7 +219,9 @@ impl<'a, E: Expansion> Sample<'a, E> {
             targets.iter().copied().filter(|t| !self.known.contains_key(t)).collect();
         new.sort_unstable();
         new.dedup();
-        for (&t, sum) in new.iter().zip(self.reference.sums(&new)) {
+        let sums = self.reference.sums(&new);
+        self.reference.watch.check()?;
+        for (&t, sum) in new.iter().zip(sums) {
             if !sum.all.high.is_finite() {
                 let index = self.reference.plan.target_tree.shape.order[t] as usize;
                 return Err(Error::NonFiniteValue { index, value: sum.all.high.to_f64s() });

@@ -9,6 +9,7 @@ use crate::numbers::bits::for_each_set_bit;
 use crate::numbers::double_word::DoubleWord;
 use crate::numbers::traits::{Numbers, Real};
 use crate::parallel;
+use crate::parallel::watch::Watch;
 use crate::plan::Plan;
 
 /// Sums the pairs of a plan one by one: those that its lists hold, so that a mask need not be asked
@@ -17,6 +18,8 @@ pub(crate) struct Reference<'a, E: Expansion> {
     pub(crate) plan: &'a Plan<E>,
     /// Charges in tree order.
     pub(crate) charges: &'a [ChargeOf<E>],
+    /// Sums that it stops are not finished.
+    pub(crate) watch: &'a Watch,
 }
 
 /// The sum at a target.
@@ -32,6 +35,9 @@ pub(crate) struct ReferenceSum<V> {
 
 /// Targets that are summed side by side.
 const BLOCK: usize = 64;
+
+/// Sources between two looks at the watch.
+const UNWATCHED: usize = 64;
 
 /// Sources per task.
 const SECTION: usize = 1 << 14;
@@ -138,7 +144,10 @@ impl<E: Expansion> Reference<'_, E> {
     ) {
         let kernel = self.plan.expansion.kernel();
         let ys = self.plan.sources[sources.clone()].chunks(1);
-        for (y, q) in ys.zip(self.charges[sources].chunks(1)) {
+        for (k, (y, q)) in ys.zip(self.charges[sources].chunks(1)).enumerate() {
+            if k % UNWATCHED == 0 && self.watch.is_stopped() {
+                return;
+            }
             sums.pairs.fill(Numbers::zero());
             kernel.add_block(xs, y, q, 0.0, &mut sums.pairs);
             if weight != 1.0 {

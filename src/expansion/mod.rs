@@ -5,15 +5,17 @@ pub(crate) mod costs;
 pub(crate) mod geometry;
 pub(crate) mod level_cells;
 pub(crate) mod offset_map;
+pub(crate) mod weights;
 
 use crate::error::Error;
 use crate::expansion::costs::Costs;
 use crate::expansion::geometry::Geometry;
 use crate::expansion::level_cells::{LevelFamilies, LevelPairs};
+use crate::expansion::weights::Weights;
 use crate::kernel::mask::Coverage;
 use crate::kernel::traits::{Kernel, Outcome};
 use crate::numbers::traits::Numbers;
-use crate::octree::geometry::Cell;
+use crate::octree::geometry::{Cell, Cube};
 
 /// A kernel's far field in five operators.
 ///
@@ -48,6 +50,13 @@ pub trait Expansion: Send + Sync {
 
     /// How many local terms a cell of `level` has.
     fn local_len(&self, level: usize) -> usize;
+
+    /// What brings the rows and columns of G to one size for pairs of points within `root`, if the expansion weighs
+    /// them so that its errors are small beside each of them. Called before [`prepare`](Self::prepare), whose
+    /// [strengths](crate::Strength) are then those of the weighted kernel. By default, nothing is weighted.
+    fn weigh(&mut self, _root: &Cube<RealOf<Self>>) -> Weights {
+        Weights::default()
+    }
 
     /// Called before any operator, with what will be asked for: the place to choose orders and to
     /// precompute translation operators for the levels and offsets that occur, and for no others.

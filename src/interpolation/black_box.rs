@@ -4,6 +4,7 @@ use std::fmt;
 use std::sync::Arc;
 
 use crate::expansion::admissibility::Admissibility;
+use crate::expansion::weights::Weights;
 use crate::interpolation::chebyshev::Chebyshev;
 use crate::kernel::traits::Kernel;
 use crate::parallel::pool::Pool;
@@ -36,6 +37,8 @@ use crate::interpolation::store::OperatorStore;
 pub struct Interpolation<K: Kernel> {
     pub(super) kernel: Arc<K>,
     pub(super) accuracy: Accuracy,
+    /// What expansions are of: a_i G_ij b_j.
+    pub(super) weights: Weights,
     /// Where operators are kept.
     pub(super) store: OperatorStore,
     pub(super) prepared: Arc<Prepared<K::Entry>>,
@@ -61,6 +64,7 @@ impl<K: Kernel> Interpolation<K> {
         Self {
             kernel,
             accuracy,
+            weights: Weights::default(),
             store,
             prepared: Arc::new(Prepared::Everywhere(Box::new(everywhere))),
             former: None,
@@ -165,6 +169,7 @@ impl<K: Kernel> Clone for Interpolation<K> {
         Self {
             kernel: Arc::clone(&self.kernel),
             accuracy: self.accuracy,
+            weights: self.weights.clone(),
             store: self.store.clone(),
             prepared: Arc::clone(&self.prepared),
             former,

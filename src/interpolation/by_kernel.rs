@@ -3,6 +3,7 @@
 
 use num_traits::Float;
 
+use crate::expansion::weights::weigh;
 use crate::interpolation::black_box::Interpolation;
 use crate::interpolation::entries::zero;
 use crate::interpolation::prepared::Prepared;
@@ -23,7 +24,8 @@ impl<K: Kernel> Interpolation<K> {
         let [from_basis, to_basis] =
             [self.source_basis(source.level()), self.target_basis(target.level())];
         let (ys, xs) = (&from_basis.skeleton.points, &to_basis.skeleton.points);
-        let charges = from_basis.skeleton_charges(self.rule(), from);
+        let mut charges = from_basis.skeleton_charges(self.rule(), from);
+        weigh(&self.weights.densities, false, ys.len(), &mut charges);
         let [fields, densities, columns] = self.sizes();
         let mut values = vec![zero::<K::Entry>(); columns * fields * xs.len()];
         let (origin, centre) = self.seen(source, target.centre());
@@ -45,6 +47,7 @@ impl<K: Kernel> Interpolation<K> {
             let weight = K::Entry::from_real(K::Real::from_f64(weight));
             values.iter_mut().for_each(|value| *value *= weight);
         }
+        weigh(&self.weights.fields, false, xs.len(), &mut values);
         to_basis.add_skeleton_values(self.rule(), values, to);
     }
 
@@ -58,7 +61,8 @@ impl<K: Kernel> Interpolation<K> {
     ) -> Outcome {
         let basis = self.source_basis(cell.level());
         let ys = &basis.skeleton.points;
-        let charges = basis.skeleton_charges(self.rule(), multipole);
+        let mut charges = basis.skeleton_charges(self.rule(), multipole);
+        weigh(&self.weights.densities, false, ys.len(), &mut charges);
         let [fields, densities, columns] = self.sizes();
         let gradient = self.kernel.needs_gradients();
         let entries = fields * densities;
@@ -135,6 +139,7 @@ impl<K: Kernel> Interpolation<K> {
                 }
             }
         }
+        weigh(&self.weights.fields, false, xs.len(), &mut values);
         basis.add_skeleton_values(self.rule(), values, local);
     }
 

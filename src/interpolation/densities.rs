@@ -1,5 +1,6 @@
 //! P2M and L2P: from a cell's charges to densities and moments, and from fields to values.
 
+use crate::expansion::weights::weigh;
 use crate::interpolation::black_box::Interpolation;
 use crate::interpolation::lanes::row;
 use crate::interpolation::points::{Fields, Moments};
@@ -30,6 +31,7 @@ impl<K: Kernel> Interpolation<K> {
                 let densities = &mut entries[..components * columns];
                 for (j, (y, q)) in sources.iter().zip(charges).enumerate() {
                     self.kernel.density(y, q, densities);
+                    weigh(&self.weights.densities, true, columns, densities);
                     for component in 0..components {
                         for column in 0..columns {
                             let parts = densities[component * columns + column].parts();
@@ -90,6 +92,9 @@ impl<K: Kernel> Interpolation<K> {
                             }
                         }
                     }
+                    weigh(&self.weights.fields, true, columns, fields);
+                    let slopes = gradients.as_flattened_mut();
+                    weigh(&self.weights.fields, true, 3 * columns, slopes);
                     self.kernel.value(x, fields, gradients, u);
                 }
             },

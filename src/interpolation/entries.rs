@@ -1,6 +1,7 @@
 //! The entries of a kernel as set-up sees them.
 
 use crate::error::Error;
+use crate::expansion::weights::Weights;
 use crate::interpolation::hashing::Digest;
 use crate::interpolation::work::Work;
 use crate::numbers::traits::{Numbers, Point, Scalar, Vector};
@@ -15,6 +16,10 @@ pub(crate) struct Entries<'a, S: Scalar> {
     transposed: bool,
     /// What all entries are multiplied by.
     factor: Option<S>,
+    /// What all points are multiplied by.
+    length: Option<S::Real>,
+    /// What rows and columns are multiplied by.
+    weights: Option<&'a Weights>,
     work: Option<&'a Work>,
     /// What takes values as they are written.
     digest: Option<&'a Digest>,
@@ -28,13 +33,19 @@ pub(crate) type PointOf<S> = Point<<S as Numbers>::Real>;
 
 impl<'a, S: Scalar> Entries<'a, S> {
     pub(crate) fn new(fields: usize, densities: usize, block: &'a Block<'a, S>) -> Self {
-        let (transposed, factor, work, digest) = (false, None, None, None);
-        Self { fields, densities, block, transposed, factor, work, digest }
+        let (factor, length, weights, work, digest) = (None, None, None, None, None);
+        let transposed = false;
+        Self { fields, densities, block, transposed, factor, length, weights, work, digest }
     }
 
     /// The same entries, evaluated at the expense of `work`.
     pub(crate) fn at_expense_of(self, work: &'a Work) -> Self {
         Self { work: Some(work), ..self }
+    }
+
+    /// The same entries, weighted.
+    pub(crate) fn weighted_by(self, weights: &'a Weights) -> Self {
+        Self { weights: Some(weights), ..self }
     }
 
     /// The same entries, of which `digest` takes what is written.
@@ -81,6 +92,11 @@ impl<'a, S: Scalar> Entries<'a, S> {
         Self { factor: Some(self.factor.map_or(factor, |own| own * factor)), ..*self }
     }
 
+    /// The kernel with lengths in that unit: G(length x, length y).
+    pub(crate) fn in_lengths_of(&self, length: S::Real) -> Self {
+        Self { length: Some(self.length.map_or(length, |own| own * length)), ..*self }
+    }
+
     /// Writes the field of a source at points: for each density, for each component of the field, the
     /// values at all points.
     pub(crate) fn write_field(&self, xs: &[PointOf<S>], y: PointOf<S>, field: &mut [S]) {
@@ -110,17 +126,32 @@ impl<'a, S: Scalar> Entries<'a, S> {
         if let Some(work) = self.work {
             work.add_evaluations(xs.len());
         }
-        if self.transposed {
-            (self.block)(&[y], xs, g);
-            self.transpose_each(g);
-        } else {
-            (self.block)(xs, &[y], g);
+        match self.length {
+            Some(length) => {
+                let scaled: Vec<PointOf<S>> = xs.iter().map(|&x| x * length).collect();
+                self.write_block(&scaled, y * length, g);
+            }
+            None => self.write_block(xs, y, g),
         }
         if let Some(factor) = self.factor {
             g.iter_mut().for_each(|entry| *entry *= factor);
         }
         if let Some(digest) = self.digest.filter(|_| Digest::takes(&y.to_array())) {
             digest.add(g);
+        }
+    }
+
+    fn write_block(&self, xs: &[PointOf<S>], y: PointOf<S>, g: &mut [S]) {
+        let weigh = |rows: usize, g: &mut [S]| {
+            self.weights.into_iter().for_each(|weights| weights.apply(rows, g));
+        };
+        if self.transposed {
+            (self.block)(&[y], xs, g);
+            weigh(self.densities, g);
+            self.transpose_each(g);
+        } else {
+            (self.block)(xs, &[y], g);
+            weigh(self.fields, g);
         }
     }
 

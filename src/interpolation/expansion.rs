@@ -7,7 +7,9 @@ use crate::expansion::Expansion;
 use crate::expansion::costs::Costs;
 use crate::expansion::geometry::Geometry;
 use crate::expansion::level_cells::{LevelFamilies, LevelPairs};
+use crate::expansion::weights::Weights;
 use crate::interpolation::accuracy::Accuracy;
+use crate::interpolation::balance;
 use crate::interpolation::black_box::Interpolation;
 use crate::interpolation::budget::PAIR_SHARE;
 use crate::interpolation::cost;
@@ -20,7 +22,7 @@ use crate::kernel::mask::Coverage;
 use crate::kernel::slopes::write_slopes;
 use crate::kernel::traits::{Kernel, Outcome};
 use crate::numbers::traits::{Point, Real};
-use crate::octree::geometry::Cell;
+use crate::octree::geometry::{Cell, Cube};
 use crate::parallel::pool::Pool;
 
 impl<K: Kernel> Expansion for Interpolation<K> {
@@ -40,6 +42,21 @@ impl<K: Kernel> Expansion for Interpolation<K> {
         self.target_basis(level).rank() * self.kernel.columns()
     }
 
+    fn weigh(&mut self, root: &Cube<K::Real>) -> Weights {
+        let kernel = &*self.kernel;
+        let block = |xs: &[Point<K::Real>], ys: &[Point<K::Real>], g: &mut [K::Entry]| {
+            kernel.entries_block(xs, ys, g);
+        };
+        let entries = Entries::new(kernel.fields(), kernel.densities(), &block);
+        let weights = balance::weights(&entries, root);
+        if weights != self.weights {
+            // Operators of what was weighted otherwise are those of another kernel.
+            self.former = None;
+        }
+        self.weights = weights;
+        self.weights.clone()
+    }
+
     fn prepare(&mut self, geometry: &Geometry<K::Real>) -> Result<(), Error> {
         self.accuracy.check()?;
         let kernel = &*self.kernel;
@@ -49,11 +66,13 @@ impl<K: Kernel> Expansion for Interpolation<K> {
         let work = Work::new(geometry, self.spent);
         let entries =
             Entries::new(kernel.fields(), kernel.densities(), &block).at_expense_of(&work);
+        let entries = entries.weighted_by(&self.weights);
         let block = |xs: &[Point<K::Real>], ys: &[Point<K::Real>], g: &mut [K::Entry]| {
             write_slopes(kernel, xs, ys, g);
         };
         let slopes =
             Entries::new(3 * kernel.fields(), kernel.densities(), &block).at_expense_of(&work);
+        let slopes = slopes.weighted_by(&self.weights);
         // A given order is taken as it is.
         let measured = matches!(self.accuracy, Accuracy::Tolerance(_));
         let slopes = (measured && kernel.needs_gradients()).then_some(&slopes);
@@ -79,7 +98,10 @@ impl<K: Kernel> Expansion for Interpolation<K> {
     fn again(&self) -> Option<Self> {
         // A given order is the same for all charges.
         let by_tolerance = matches!(self.accuracy, Accuracy::Tolerance(_));
-        by_tolerance.then(|| Self::of(Arc::clone(&self.kernel), self.accuracy, self.store.clone()))
+        by_tolerance.then(|| Self {
+            weights: self.weights.clone(),
+            ..Self::of(Arc::clone(&self.kernel), self.accuracy, self.store.clone())
+        })
     }
 
     fn pair_sizes(&self, level: usize) -> [f64; 2] {

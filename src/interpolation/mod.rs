@@ -1,6 +1,7 @@
 //! The black-box expansion of any point kernel: interpolation, compressed to numerical rank.
 
 pub(crate) mod accuracy;
+pub(crate) mod balance;
 pub(crate) mod bases;
 pub(crate) mod basis;
 pub(crate) mod black_box;

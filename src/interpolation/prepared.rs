@@ -96,10 +96,10 @@ impl<S: Scalar> Prepared<S> {
             Err(Refusal::Error(error)) => Err(error),
             Err(Refusal::Restricted(restriction)) => {
                 let reflected = |index: usize| {
-                    // One set that serves all levels is that of cells of size 1.
+                    // One set may serve all levels.
                     let is_own = restriction.offsets.len() == geometry.levels.len();
-                    let one = S::Real::from_f64(1.0);
-                    let h = if is_own { geometry.levels[index].half_width } else { one };
+                    let of_all = || probe::reference(geometry.root.half_width());
+                    let h = if is_own { geometry.levels[index].half_width } else { of_all() };
                     probe::parities(kernel, h).is_some()
                 };
                 Ok((unprepared(), restriction.of(before, &geometry.levels, reflected)))
@@ -119,10 +119,19 @@ impl<S: Scalar> Invariant<S> {
     ) -> Result<Self, Refusal> {
         let levels = || geometry.levels.iter().map(|level| level.half_width);
         let degree = probe::homogeneity(kernel, geometry.root.half_width(), levels());
-        let half_widths = match degree {
-            Some(_) => vec![S::Real::from_f64(1.0)],
-            None => levels().collect(),
+        let one = S::Real::from_f64(1.0);
+        let (length, half_widths) = match degree {
+            Some(_) => (probe::reference(geometry.root.half_width()), vec![one]),
+            None => (one, levels().collect()),
         };
+        // G(x, y) = length^−α G(length x, length y): a homogeneous kernel is asked within the root too, wherever
+        // it says it is. Derivatives are those with respect to x in this unit.
+        let of_length = |degree: Option<f64>| {
+            S::Real::from_f64(degree.map_or(1.0, |degree| length.as_f64().powf(-degree)))
+        };
+        let kernel = &kernel.in_lengths_of(length).times(of_length(degree));
+        let of_slopes = of_length(degree.map(|degree| degree - 1.0));
+        let slopes = slopes.map(|slopes| slopes.in_lengths_of(length).times(of_slopes));
         let unit = probe::unit(kernel, half_widths.iter().copied());
         let unit = former.map_or(unit, |former| kept_unit(former.unit, unit));
         let former = former.filter(|former| former.unit == unit && former.degree == degree);
@@ -135,7 +144,7 @@ impl<S: Scalar> Invariant<S> {
         };
         let reaches: Vec<f64> = half_widths.iter().map(reach).collect();
         let kernel = &kernel.times(unit.recip());
-        let slopes = slopes.map(|slopes| slopes.times(unit.recip()));
+        let slopes = slopes.as_ref().map(|slopes| slopes.times(unit.recip()));
         let slopes = slopes.as_ref();
         let mut sizes = Sizes {
             half_widths,

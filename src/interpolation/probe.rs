@@ -2,8 +2,8 @@
 
 use num_traits::Float;
 
-use crate::interpolation::entries::{Entries, PointOf};
-use crate::interpolation::tuning::PROBE_PAIRS;
+use crate::interpolation::entries::{Entries, PointOf, zero};
+use crate::interpolation::tuning::{PROBE_PAIRS, SAMPLED_REACH, SCALED_PAIRS};
 use crate::numbers::traits::{Point, Real, Scalar, Vector, l2_norm};
 use crate::octree::geometry::Cube;
 
@@ -21,34 +21,57 @@ pub(crate) fn translation_invariant<S: Scalar>(
     })
 }
 
-/// The degree α with K(s x, s y) = s^α K(x, y), to round-off, if there is one: for sample pairs within a root
-/// of half-width `h` and s = 2, 4, and for what takes pairs of size 1, for which operators are built, to those
-/// of size `h` and of the `others`. Pairs of size 1 are asked for only where the law holds within the root.
-/// Assumes translation invariance.
+/// The degree α with K(s x, s y) = s^α K(x, y), to round-off, if there is one: for sample pairs of a root of
+/// half-width `h`, of all sizes from that for which operators are built to the root's diameter, and of those of the
+/// `levels`. Assumes translation invariance.
 pub(crate) fn homogeneity<S: Scalar>(
     kernel: &Entries<'_, S>,
     h: S::Real,
-    others: impl IntoIterator<Item = S::Real>,
+    levels: impl IntoIterator<Item = S::Real>,
 ) -> Option<f64> {
-    let entries =
-        |i: usize, size: S::Real| kernel.at(sample::<S::Real>(i) * size, PointOf::<S>::default());
-    let [quarter, half] = [0.25, 0.5].map(|part| h * S::Real::from_f64(part));
-    let degree = (norm(&entries(0, h)) / norm(&entries(0, half))).log2();
+    let from = reference(h);
+    let to = h + h;
+    let norm_of =
+        |size: S::Real| norm(&kernel.at(sample::<S::Real>(0) * size, PointOf::<S>::default()));
+    let degree = (norm_of(h) / norm_of(h * S::Real::from_f64(0.5))).log2();
     // Degrees of formulas are simple fractions; the nearest one has no rounding of its own.
     let degree = (degree * 840.0).round() / 840.0;
     if !degree.is_finite() {
         return None;
     }
-    let holds = |i: usize, from: S::Real, to: S::Real, scale: f64| {
-        let factor = S::from_real(S::Real::from_f64(scale.powf(degree)));
-        let scaled: Vec<S> = entries(i, from).into_iter().map(|g| factor * g).collect();
-        agree(&scaled, &entries(i, to), round_off::<S>())
+    let own = levels.into_iter().flat_map(|size| (0..PROBE_PAIRS).map(move |i| (i, size)));
+    // Where the kernel is another one for a few pairs only, it takes many to meet one: half of them are anywhere,
+    // and half of any size.
+    let range = (to / from).as_f64().log2();
+    let between = |i: usize| {
+        let part = (0.618_033_988_749_895 * i as f64).fract();
+        from * S::Real::from_f64((range * part).exp2())
     };
-    let inside = |i| holds(i, half, h, 2.0) && holds(i, quarter, h, 4.0);
-    let one = S::Real::from_f64(1.0);
-    let sizes: Vec<S::Real> = std::iter::once(h).chain(others).collect();
-    let rescaled = |i| sizes.iter().all(|&size| holds(i, one, size, size.as_f64()));
-    ((0..PROBE_PAIRS).all(inside) && (0..PROBE_PAIRS).all(rescaled)).then_some(degree)
+    let all = (0..SCALED_PAIRS).map(|i| (i, if i % 2 == 0 { to } else { between(i) }));
+    let pairs: Vec<(usize, S::Real)> = own.chain(all).collect();
+    let values = |size: &dyn Fn(usize) -> S::Real| {
+        let points: Vec<PointOf<S>> =
+            (0..pairs.len()).map(|k| sample::<S::Real>(pairs[k].0) * size(k)).collect();
+        let mut values = vec![zero::<S>(); points.len() * kernel.fields * kernel.densities];
+        kernel.write(&points, PointOf::<S>::default(), &mut values);
+        values
+    };
+    let (mut scaled, there) = (values(&|_| from), values(&|k| pairs[k].1));
+    let len = kernel.fields * kernel.densities;
+    let holds = |(k, (scaled, there)): (usize, (&mut [S], &[S]))| {
+        let factor = (pairs[k].1 / from).as_f64().powf(degree);
+        scaled.iter_mut().for_each(|g| *g *= S::from_real(S::Real::from_f64(factor)));
+        agree(scaled, there, round_off::<S>())
+    };
+    let both = scaled.chunks_exact_mut(len).zip(there.chunks_exact(len));
+    both.enumerate().all(holds).then_some(degree)
+}
+
+/// The half-width of the cells for which operators of a homogeneous kernel are built, within a root of half-width `h`: a
+/// power of two, so that lengths in this unit round like others. None of the sources they are asked for is farther
+/// away than the root's edge: beyond it, the kernel may be another one.
+pub(crate) fn reference<T: Real>(h: T) -> T {
+    power_of_two(h * T::from_f64(2.0 / (SAMPLED_REACH + 1.0)))
 }
 
 /// Whether G(x, y) = G(y, x)ᵀ to round-off for sample pairs. Assumes translation invariance.
@@ -249,9 +272,29 @@ mod tests {
         assert_eq!(ask(yukawa, degree), None);
         assert_eq!(ask(|_, _| 0.0, degree), None);
         // A scale that shows in the smallest cells alone.
-        let softened = |x: DVec3, y: DVec3| 1.0 / (x.distance_squared(y) + 1e-14).sqrt();
+        let softened = |x: DVec3, y: DVec3| 1.0 / (x.distance_squared(y) + 1e-19).sqrt();
         assert_eq!(ask(softened, degree), Some(-1.0));
         assert_eq!(ask(softened, |k| homogeneity(k, 2.0, [0.1, 1e-6])), None);
+    }
+
+    #[test]
+    fn nothing_is_asked_of_a_kernel_outside_of_the_root() {
+        for h in [1e-3, 0.25, 3.0] {
+            let within = |x: DVec3, y: DVec3| {
+                let most = (x - y).abs().max_element();
+                assert!(most <= 2.0 * h, "{most} beyond the edge of {h}");
+                inverse(x, y)
+            };
+            assert_eq!(ask(within, |k| homogeneity(k, h, [0.25 * h, 0.01 * h])), Some(-1.0));
+            // A law that holds but for few pairs, or but for the largest of them.
+            let shell = |x: DVec3, y: DVec3| {
+                let r = x.distance(y);
+                r.recip() + if (r - 1.7 * h).abs() < 2e-3 * h { 5.0 / h } else { 0.0 }
+            };
+            assert_eq!(ask(shell, |k| homogeneity(k, h, [0.25 * h])), None);
+            let bounded = |x: DVec3, y: DVec3| x.distance(y).min(2.9 * h);
+            assert_eq!(ask(bounded, |k| homogeneity(k, h, [0.25 * h])), None);
+        }
     }
 
     #[test]

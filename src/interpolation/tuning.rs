@@ -60,6 +60,18 @@ pub(crate) const TEST_SOURCES: usize = 16;
 /// Sample pairs per question that is asked of a kernel.
 pub(crate) const PROBE_PAIRS: usize = 12;
 
+/// Sample pairs at which entries are held against each other.
+pub(crate) const BALANCED_PAIRS: usize = 32;
+
+/// By how many binary orders rows, or columns, have to differ to be weighted: by more than units of like size make them.
+pub(crate) const BALANCED_RANGE: f64 = 5.0;
+
+/// How often rows are brought to one size, and columns.
+pub(crate) const BALANCE_STEPS: usize = 16;
+
+/// Sample pairs at which a kernel has to be homogeneous.
+pub(crate) const SCALED_PAIRS: usize = 4096;
+
 /// Random points per cell at which a level's operators are checked.
 pub(crate) const CHECK_POINTS: usize = 32;
 

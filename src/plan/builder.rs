@@ -6,6 +6,7 @@ use crate::dispatch_level::DispatchLevel;
 use crate::error::Error;
 use crate::expansion::admissibility::Admissibility;
 use crate::expansion::geometry::Geometry;
+use crate::expansion::weights::Weights;
 use crate::expansion::{Expansion, RealOf, SourceOf, TargetOf};
 use crate::interaction::lists::Lists;
 use crate::interpolation::black_box::Interpolation;
@@ -255,7 +256,8 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
                 watch: watch.clone(),
                 ..Geometry::new(trees.root, levels)
             };
-            let norms = self.measure(&trees, &lists, &mut geometry);
+            let weights = self.expansion.weigh(&trees.root);
+            let norms = self.measure(&weights, &trees, &lists, &mut geometry);
             let prepared = self.expansion.prepare(&geometry);
             clock.lap(&mut times.operators);
             match prepared {
@@ -323,6 +325,7 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
     /// Measures how strongly the pairs of each level act. Not with a mask, which decides what counts.
     fn measure(
         &self,
+        weights: &Weights,
         trees: &Trees<SourceOf<E>, TargetOf<E>>,
         lists: &Lists,
         geometry: &mut Geometry<RealOf<E>>,
@@ -332,7 +335,7 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
             return None;
         }
         self.expansion.again()?;
-        let norms = Norms::sample::<E>(self.expansion.kernel(), trees, lists);
+        let norms = Norms::sample::<E>((self.expansion.kernel(), weights), trees, lists);
         for level in &mut geometry.levels {
             [level.values, level.slopes] = norms.usual[level.level];
         }

@@ -4,13 +4,14 @@
 //! follows from magnitudes of the kernel at sampled targets, and from the charges.
 
 use crate::expansion::geometry::Strength;
+use crate::expansion::weights::Weights;
 use crate::expansion::{Expansion, SourceOf, TargetOf};
 use crate::interaction::lists::Lists;
 use crate::numbers::traits::l2_norm;
 use crate::octree::trees::Trees;
 use crate::parallel;
 use crate::plan::charge_sums::ChargeSums;
-use crate::plan::sampled_target::{Part, Target, Way};
+use crate::plan::sampled_target::{Entries, Part, Target, Way};
 use crate::plan::tuning::{ISOLATED_SHARE, LIKE_SIZES, NORM_TARGETS, ONE_SIGN};
 
 /// Values of the kernel at sampled targets, and what follows from them for charges of one size.
@@ -40,9 +41,9 @@ struct Passing {
 }
 
 impl Norms {
-    /// Samples the targets of a plan with these lists and no mask. O(levels), whatever the number of points.
+    /// Samples the targets of a plan of a kernel under some weights, with these lists and no mask. O(levels), whatever the number of points.
     pub(crate) fn sample<E: Expansion>(
-        kernel: &E::Kernel,
+        weighted: (&E::Kernel, &Weights),
         trees: &Trees<SourceOf<E>, TargetOf<E>>,
         lists: &Lists,
     ) -> Self {
@@ -50,7 +51,7 @@ impl Norms {
         let count = leaves.len().min(NORM_TARGETS);
         let sampled = |k: usize| {
             let leaf = leaves[(2 * k + 1) * leaves.len() / (2 * count)] as usize;
-            Target::new::<E>(kernel, trees, lists, leaf)
+            Target::new::<E>(weighted, trees, lists, leaf)
         };
         let targets = parallel::map(count, &sampled);
         let mut norms = Self { targets, levels: trees.levels(), usual: Vec::new() };
@@ -96,7 +97,9 @@ impl Norms {
     pub(crate) fn left_out(&self, charges: &ChargeSums) -> f64 {
         let share = |channel: usize, kind: usize| {
             let received = |counts: fn(Way) -> bool| -> Vec<f64> {
-                let at = |target: &Target| target.received(channel, Some(charges), counts)[kind];
+                let at = |target: &Target| {
+                    target.received(channel, Entries::All, Some(charges), counts)[kind]
+                };
                 self.targets.iter().map(at).collect()
             };
             let left_out = received(|way| matches!(way, Way::LeftOut));
@@ -110,17 +113,53 @@ impl Norms {
         values.into_iter().zip(slopes).map(|(value, slope)| [value, slope]).collect()
     }
 
+    /// The strengths of all entries, and no size that is too large for any field or density by itself, if each has its
+    /// share of the errors.
     fn strengths_of(&self, channel: usize, charges: Option<&ChargeSums>) -> Vec<Option<Strength>> {
+        let each = self.targets.first().into_iter().flat_map(Target::each);
+        let least = |least: Vec<Option<Strength>>, own: Vec<Option<Strength>>| {
+            let both = least.into_iter().zip(own).map(|both| match both {
+                (Some(least), Some(own)) => {
+                    let through = own.through.min(least.through);
+                    Some(Strength { size: own.size.min(least.size), through, ..own })
+                }
+                (least, own) => own.or(least),
+            });
+            both.collect()
+        };
+        let of_some = |(entries, count): (Entries, usize)| {
+            let share = (count as f64).sqrt();
+            let own = self.strengths_of_some(channel, entries, charges).into_iter();
+            // Where a field is zero everywhere, there is nothing to be relative to.
+            let own = own.map(|own| own.filter(|own| count == 1 || own.through > 0.0));
+            let shared = |Strength { pair, cells, size, through }| Strength {
+                pair,
+                cells,
+                size: share * size,
+                through: share * through,
+            };
+            own.map(|own| own.map(shared)).collect()
+        };
+        each.map(of_some).reduce(least).unwrap_or_else(|| vec![None; self.levels])
+    }
+
+    fn strengths_of_some(
+        &self,
+        channel: usize,
+        entries: Entries,
+        charges: Option<&ChargeSums>,
+    ) -> Vec<Option<Strength>> {
         let mut wholes = [Vec::new(), Vec::new()];
         let mut levels = vec![Passing::new(self.targets.len()); self.levels];
         for (i, target) in self.targets.iter().enumerate() {
-            for part in &target.parts {
+            for (k, part) in target.parts.iter().enumerate() {
                 if let Way::Through(level) = part.way {
                     let sizes = part.sources.charges(charges);
-                    levels[level].add(i, sizes, part.magnitudes[channel] * sizes[1]);
+                    let magnitude = target.magnitude(channel, k, entries);
+                    levels[level].add(i, sizes, magnitude * sizes[1]);
                 }
             }
-            let received = target.received(channel, charges, |_| true);
+            let received = target.received(channel, entries, charges, |_| true);
             wholes.iter_mut().zip(received).for_each(|(wholes, own)| wholes.push(own));
         }
         let wholes = wholes.map(floored);

@@ -91,8 +91,8 @@ impl<E: Expansion> Plan<E> {
         &self,
         charges: &[ChargeOf<E>],
         workspace: &mut Workspace<E>,
+        watch: &Watch,
     ) -> Vec<ValueOf<E>> {
-        let watch = &Watch::default();
         self.carry(charges, workspace, &mut Clock::start(), &mut ApplyTimes::default(), watch);
         self.evaluate(workspace, Sweep::FAR, watch);
         let far = workspace.values.clone();

@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use crate::expansion::weights::Weights;
 use crate::expansion::{Expansion, SourceOf, TargetOf};
 use crate::interaction::lists::Lists;
 use crate::kernel::slopes::write_slopes;
@@ -15,8 +16,12 @@ use crate::plan::tuning::{NEAR_PARTS, PART_POINTS};
 #[derive(Debug)]
 pub(crate) struct Target {
     pub(crate) parts: Vec<Part>,
-    /// The mean of G, and of ∂G/∂x, over each part: one matrix after the other.
+    /// The mean of G, and of ∂G/∂x, over each part: one matrix after the other, with two numbers for an entry.
     pub(crate) means: [Vec<f64>; 2],
+    /// The root mean squares of their numbers, likewise.
+    sizes: [Vec<f64>; 2],
+    /// Fields and densities.
+    shape: [usize; 2],
 }
 
 /// Sources that act on a target alike.
@@ -27,6 +32,14 @@ pub(crate) struct Part {
     pub(crate) sources: Sources,
     /// The root mean square of |G| and of |∂G/∂x|.
     pub(crate) magnitudes: [f64; 2],
+}
+
+/// Entries of a matrix: all, those of a field, or those of a density.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Entries {
+    All,
+    Field(usize),
+    Density(usize),
 }
 
 /// How what sources send comes to a target.
@@ -78,7 +91,7 @@ impl Sources {
 impl Target {
     /// What acts on a target of a leaf.
     pub(crate) fn new<E: Expansion>(
-        kernel: &E::Kernel,
+        (kernel, weights): (&E::Kernel, &Weights),
         trees: &Trees<SourceOf<E>, TargetOf<E>>,
         lists: &Lists,
         leaf: usize,
@@ -115,36 +128,81 @@ impl Target {
         let zero = <<E::Kernel as Kernel>::Entry as Numbers>::zero();
         let mut values = vec![zero; ys.len() * len];
         kernel.entries_block(&[x], &ys, &mut values);
+        weights.apply(kernel.fields(), &mut values);
         let mut slopes = vec![zero; ys.len() * if kernel.needs_gradients() { 3 * len } else { 0 }];
         if !slopes.is_empty() {
             write_slopes(kernel, &[x], &ys, &mut slopes);
+            weights.apply(3 * kernel.fields(), &mut slopes);
         }
         // A point may be singular to itself.
         let apart: Vec<bool> = ys.iter().map(|y| *y != x).collect();
         let (values, value_sizes) = means(&parts, &values, &apart);
         let (slopes, slope_sizes) = means(&parts, &slopes, &apart);
-        let sizes = value_sizes.into_iter().zip(slope_sizes);
-        let part =
-            |((way, sources), (value, slope))| Part { way, sources, magnitudes: [value, slope] };
-        let parts = parts.into_iter().zip(sizes).map(part).collect();
-        Self { parts, means: [values, slopes] }
+        let (means, sizes) = ([values, slopes], [value_sizes, slope_sizes]);
+        let shape = [kernel.fields(), kernel.densities()];
+        let mut own = Self { parts: Vec::new(), means, sizes, shape };
+        let part = |(k, (way, sources))| {
+            let magnitudes = [0, 1].map(|channel| own.size(channel, k, parts.len(), Entries::All));
+            Part { way, sources, magnitudes }
+        };
+        own.parts = parts.iter().cloned().enumerate().map(part).collect();
+        own
     }
 
-    /// What the target receives in ways that count, from charges of one sign and of any.
+    /// What the target receives of some entries in ways that count, from charges of one sign and of any.
     pub(crate) fn received(
         &self,
         channel: usize,
+        entries: Entries,
         charges: Option<&ChargeSums>,
         counts: impl Fn(Way) -> bool,
     ) -> [f64; 2] {
         let means = self.means[channel].chunks_exact(self.len(channel));
         let (mut sum, mut any_sign) = (vec![0.0; self.len(channel)], 0.0f64);
-        for (part, mean) in self.parts.iter().zip(means).filter(|(part, _)| counts(part.way)) {
+        let parts = self.parts.iter().enumerate().zip(means);
+        for ((k, part), mean) in parts.filter(|((_, part), _)| counts(part.way)) {
             let [q, norm] = part.sources.charges(charges);
-            any_sign = any_sign.hypot(part.magnitudes[channel] * norm);
+            any_sign = any_sign.hypot(self.magnitude(channel, k, entries) * norm);
             sum.iter_mut().zip(mean).for_each(|(sum, g)| *sum += g * q);
         }
-        [l2_norm(sum.into_iter()).max(any_sign), any_sign]
+        let own = sum.into_iter().enumerate().filter(|(k, _)| self.is_of(channel, *k, entries));
+        [l2_norm(own.map(|(_, sum)| sum)).max(any_sign), any_sign]
+    }
+
+    /// The root mean square of some entries of G, or ∂G/∂x, over the k-th part.
+    pub(crate) fn magnitude(&self, channel: usize, k: usize, entries: Entries) -> f64 {
+        match entries {
+            Entries::All => self.parts[k].magnitudes[channel],
+            some => self.size(channel, k, self.parts.len(), some),
+        }
+    }
+
+    /// The fields and the densities by themselves, and how many there are of each; only all of them together where
+    /// there is one.
+    pub(crate) fn each(&self) -> impl Iterator<Item = (Entries, usize)> {
+        let [fields, densities] = self.shape;
+        let alone = |count: usize| if count > 1 { count } else { 0 };
+        let of_fields = (0..alone(fields)).map(move |i| (Entries::Field(i), fields));
+        let of_densities = (0..alone(densities)).map(move |j| (Entries::Density(j), densities));
+        of_fields.chain(of_densities).chain([(Entries::All, 1)])
+    }
+
+    fn size(&self, channel: usize, k: usize, parts: usize, entries: Entries) -> f64 {
+        let len = self.sizes[channel].len() / parts.max(1);
+        let own = self.sizes[channel][k * len..][..len].iter().enumerate();
+        let own = own.filter(|(k, _)| self.is_of(channel, *k, entries));
+        l2_norm(own.map(|(_, size)| *size))
+    }
+
+    /// Whether the k-th number of a matrix is of some entries.
+    fn is_of(&self, channel: usize, k: usize, entries: Entries) -> bool {
+        let (entry, densities) = (k / 2, self.shape[1]);
+        let rows = if channel == 0 { 1 } else { 3 };
+        match entries {
+            Entries::All => true,
+            Entries::Field(i) => entry / densities / rows == i,
+            Entries::Density(j) => entry % densities == j,
+        }
     }
 
     /// How many numbers make up a matrix.
@@ -153,8 +211,8 @@ impl Target {
     }
 }
 
-/// The mean over the samples of each part, and the root mean square, of matrices that are given for all samples
-/// one after the other; only those count that are between points apart.
+/// The mean over the samples of each part, and the root mean square, of the numbers of matrices that are given for all
+/// samples one after the other; only those count that are between points apart.
 fn means<S: Scalar>(
     parts: &[(Way, Sources)],
     entries: &[S],
@@ -166,18 +224,20 @@ fn means<S: Scalar>(
         let samples = at..at + sources.samples().len();
         let count = samples.len() as f64;
         at = samples.end;
-        let (mut mean, mut size) = (vec![0.0; 2 * len], 0.0f64);
+        let (mut mean, mut size) = (vec![0.0; 2 * len], vec![0.0f64; 2 * len]);
         for k in samples.filter(|&k| apart[k]) {
             let numbers = entries[k * len..][..len].iter().flat_map(|g| g.parts());
             let numbers: Vec<f64> = numbers.map(Real::as_f64).collect();
             // What is infinite between points apart, sums will tell.
             if numbers.iter().all(|number| number.is_finite()) {
-                size = size.hypot(l2_norm(numbers.iter().copied()));
-                mean.iter_mut().zip(numbers).for_each(|(mean, g)| *mean += g / count);
+                for ((mean, size), g) in mean.iter_mut().zip(&mut size).zip(numbers) {
+                    *mean += g / count;
+                    *size = size.hypot(g);
+                }
             }
         }
         means.extend(mean);
-        sizes.push(size / count.sqrt());
+        sizes.extend(size.into_iter().map(|size| size / count.sqrt()));
     }
     (means, sizes)
 }

@@ -1,8 +1,8 @@
 //! The certificate of an application against the error that it speaks of.
 
 use farfield::{
-    CellView, Certificate, Coverage, Error, Fmm, Kernel, Located, Mask, Sampling, Scheme, direct,
-    direct_masked, from_fn, relative_l2_error,
+    CellView, Certificate, Coverage, Error, Fmm, Kernel, Located, Mask, Sampling, Scheme, Watch,
+    direct, direct_masked, from_fn, relative_l2_error,
 };
 use farfield_testing::clouds::{self, Random};
 use glam::{DVec3, Vec3};
@@ -255,4 +255,17 @@ fn rules_that_cannot_be_followed_are_refused() {
     assert_eq!(refused(Sampling { max_samples: 1, ..default }), "max_samples");
     let lengths = fmm.apply_certified(&[1.0; 9]);
     assert!(matches!(lengths, Err(Error::LengthMismatch { expected: 10, found: 9, .. })));
+}
+
+#[test]
+fn a_certificate_can_be_stopped() {
+    let points = clouds::cube(5000, 1);
+    let fmm = Fmm::builder(plain(inverse).skip_coincident()).tolerance(1e-3);
+    let fmm = fmm.build(&points, &points).unwrap();
+    let (charges, watch) = (charges(points.len(), 1), Watch::new());
+    let certified = || fmm.apply_certified_watched(&charges, &Sampling::default(), &watch);
+    let before = certified().unwrap();
+    watch.stop();
+    assert_eq!(certified().unwrap_err(), Error::Stopped);
+    assert_eq!(fmm.apply_certified(&charges).unwrap(), before);
 }

@@ -18,6 +18,7 @@ mod radiosity;
 mod sizes;
 mod translation_theorems;
 mod uneven_kernels;
+mod units;
 mod whole_sums;
 mod written_once;
 

@@ -206,14 +206,18 @@ impl<T: Precision> Plan<T> {
     /// [`Fmm::apply_certified`](farfield::Fmm::apply_certified).
     ///
     /// # Errors
-    /// As [`apply`](Self::apply).
-    pub fn apply_certified(&self, charges: &[T]) -> Result<(Vec<T>, Certificate), Error> {
+    /// As [`apply`](Self::apply), or [`Error::Stopped`].
+    pub fn apply_certified(
+        &self,
+        charges: &[T],
+        watch: &Watch,
+    ) -> Result<(Vec<T>, Certificate), Error> {
         let (expected, found) = (self.sources.len() * self.densities(), charges.len());
         if found != expected {
             return Err(Error::LengthMismatch { what: "numbers of charges", expected, found });
         }
-        let sum = self.sum_of(1, &Watch::default())?;
-        sum.apply_certified(charges, self.densities(), self.numbers())
+        let sum = self.sum_of(1, watch)?;
+        sum.apply_certified(charges, self.densities(), self.numbers(), watch)
     }
 
     /// What the plan consists of, and what it took.

@@ -2,7 +2,7 @@
 
 use farfield::{
     Certificate, ChargeOf, Error, Expansion, Fmm, Interpolation, Kernel, Numbers, Point, Real,
-    RealOf, Report, Scheme, ValueOf, Watch, direct,
+    RealOf, Report, Sampling, Scheme, ValueOf, Watch, direct,
 };
 use farfield_potentials::InverseDistance;
 
@@ -158,6 +158,7 @@ pub trait Sum<T>: Send + Sync {
         charges: &[T],
         densities: usize,
         numbers: usize,
+        watch: &Watch,
     ) -> Result<(Vec<T>, Certificate), Error>;
     /// What the plan consists of.
     fn report(&self) -> Report;
@@ -180,9 +181,11 @@ impl<K: Kernel> Sum<K::Real> for Fmm<Interpolation<K>> {
         charges: &[K::Real],
         densities: usize,
         numbers: usize,
+        watch: &Watch,
     ) -> Result<(Vec<K::Real>, Certificate), Error> {
         let charges = gathered::<Interpolation<K>>(charges, densities);
-        let (values, certificate) = self.apply_certified(&charges)?;
+        let (values, certificate) =
+            self.apply_certified_watched(&charges, &Sampling::default(), watch)?;
         Ok((flat::<Interpolation<K>>(&values, numbers), certificate))
     }
 

@@ -116,6 +116,12 @@ impl Graph {
                 let right = self.binary(Binary::Multiply, a, db);
                 self.binary(Binary::Add, left, right)
             }
+            Binary::Divide => {
+                // (a/b)' = (a' − (a/b) b') / b
+                let product = self.binary(Binary::Multiply, value, db);
+                let difference = self.binary(Binary::Subtract, da, product);
+                self.quotient(difference, b)
+            }
             Binary::Power => self.slope_of_power([a, b], [da, db], value),
             Binary::Min => self.select(Comparison::Less, [b, a], db, da),
             Binary::Max => self.select(Comparison::Less, [a, b], db, da),

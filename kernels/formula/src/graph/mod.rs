@@ -52,6 +52,8 @@ pub(crate) enum Binary {
     Add,
     Subtract,
     Multiply,
+    /// Rounded once. Where that makes no difference there are [products with reciprocals](Graph::quotient).
+    Divide,
     Power,
     Min,
     Max,

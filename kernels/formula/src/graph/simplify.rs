@@ -39,7 +39,7 @@ impl Graph {
         let constants = [self.constant_at(a), self.constant_at(b)];
         if let [Some(first), Some(second)] = constants {
             let result = evaluate_binary(operator, first, second);
-            let may_leave = matches!(operator, Binary::Multiply | Binary::Power);
+            let may_leave = matches!(operator, Binary::Multiply | Binary::Divide | Binary::Power);
             if may_leave && has_left_the_range(first, second, result) {
                 return self.add(Node::Binary(operator, a, b));
             }
@@ -49,6 +49,7 @@ impl Graph {
             Binary::Add => self.sum(a, b),
             Binary::Subtract => self.difference(a, b),
             Binary::Multiply => self.product(a, b),
+            Binary::Divide => self.add(Node::Binary(operator, a, b)),
             Binary::Power => match constants[1] {
                 Some(exponent) => self.power(a, exponent, b),
                 None => self.add(Node::Binary(operator, a, b)),
@@ -68,6 +69,11 @@ impl Graph {
         }
         let inverse = self.unary(Unary::Reciprocal, b);
         self.product(a, inverse)
+    }
+
+    /// a / b rounded once, as numbers that are compared have to be: 49 · (1/49) is less than 1.
+    pub(crate) fn exact_quotient(&mut self, a: Id, b: Id) -> Id {
+        self.binary(Binary::Divide, a, b)
     }
 
     /// `yes` where a comparison holds, `no` elsewhere.
@@ -250,6 +256,7 @@ fn evaluate_binary(operator: Binary, a: f64, b: f64) -> f64 {
         Binary::Add => a + b,
         Binary::Subtract => a - b,
         Binary::Multiply => a * b,
+        Binary::Divide => a / b,
         Binary::Power => a.powf(b),
         Binary::Min => a.min(b),
         Binary::Max => a.max(b),

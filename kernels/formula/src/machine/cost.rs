@@ -35,6 +35,7 @@ pub(crate) fn pair_seconds<T: Real>(program: &Program<T>, columns: usize) -> f64
 fn operations<T>(operation: &Operation<T>) -> [f64; 2] {
     match operation {
         Operation::Unary(Unary::Reciprocal | Unary::Sqrt) => [0.0, 1.0],
+        Operation::Binary(Binary::Divide) => [0.0, 1.0],
         Operation::Unary(Unary::Exp) => [30.0, 0.0],
         Operation::Unary(Unary::Log) => [40.0, 1.0],
         Operation::Unary(Unary::Sin | Unary::Cos) => [40.0, 0.0],

@@ -120,6 +120,7 @@ fn result<T: Real>(operation: &Operation<f64>, [a, b, yes, no]: [Extended<T>; 4]
         Operation::Binary(Binary::Add) => a + b,
         Operation::Binary(Binary::Subtract) => a - b,
         Operation::Binary(Binary::Multiply) => a * b,
+        Operation::Binary(Binary::Divide) => a / b,
         Operation::Binary(Binary::Power) => a.powf(b.to_f64()),
         Operation::Binary(Binary::Min) => {
             if b.less_than(a) || is_nan(b) {

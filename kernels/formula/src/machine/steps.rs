@@ -83,6 +83,7 @@ fn run_step<T: Real>(step: &Step<T>, registers: &mut [T], count: usize) {
         Operation::Binary(Binary::Add) => two!(|x, y| x + y),
         Operation::Binary(Binary::Subtract) => two!(|x, y| x - y),
         Operation::Binary(Binary::Multiply) => two!(|x, y| x * y),
+        Operation::Binary(Binary::Divide) => two!(|x, y| x / y),
         Operation::Binary(Binary::Power) => two!(|x, y| math::powf(x, y)),
         // One that is no number passes on, whichever side it is on.
         Operation::Binary(Binary::Min) => two!(|x, y| if y < x || y.is_nan() { y } else { x }),

@@ -48,6 +48,7 @@ pub(crate) fn parse(text: &str, parameters: &[(&str, f64)]) -> Result<Parsed, Te
         at: 0,
         depth: 0,
         graph: Graph::default(),
+        compared: false,
         parameters,
     };
     let (entries, rows) = parser.text()?;
@@ -73,6 +74,8 @@ struct Parser<'a> {
     at: usize,
     depth: usize,
     graph: Graph,
+    /// Whether what is read is a side of a comparison.
+    compared: bool,
     parameters: Parameters<'a>,
 }
 
@@ -140,7 +143,11 @@ impl Parser<'_> {
                 left = self.binary(place, Binary::Multiply, left, right)?;
             } else if self.take("/") {
                 let right = self.signed()?;
-                let quotient = self.graph.quotient(left, right);
+                let quotient = if self.compared {
+                    self.graph.exact_quotient(left, right)
+                } else {
+                    self.graph.quotient(left, right)
+                };
                 left = self.checked(place, quotient)?;
             } else {
                 return Ok(left);
@@ -235,7 +242,12 @@ impl Parser<'_> {
         };
         self.at += 1;
         let comparison = match kind {
-            Function::Where => Some(self.deeper(place, Self::comparison)?),
+            Function::Where => {
+                let outside = std::mem::replace(&mut self.compared, true);
+                let asked = self.deeper(place, Self::comparison)?;
+                self.compared = outside;
+                Some(asked)
+            }
             _ => None,
         };
         let mut arguments = Vec::new();

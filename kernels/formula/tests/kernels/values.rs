@@ -271,6 +271,22 @@ fn what_is_not_chosen_does_no_harm() {
 }
 
 #[test]
+fn quotients_that_are_compared_are_rounded_once() {
+    // As cut-offs at the spacing of a lattice ask for: 49 · (1/49) < 1.
+    let text = "where(r/k < 1, 1, 0) + where(r2/(k*k) >= 1, 2, 0) + where(1 == k/d1, 4, 0)";
+    for k in 1..2000 {
+        let k = f64::from(k);
+        let kernel = TextFormula::new(text, &[("k", k)]).unwrap();
+        let at = [DVec3::ZERO];
+        let sum: Vec<f64> = direct(&kernel.kernel(), &at, &[1.0], &[DVec3::X * k]).unwrap();
+        assert_eq!(sum, [6.0], "{k}");
+        let kernel = kernel.kernel::<DVec3, f64, f64>().gradient::<[f64; 4]>();
+        let sum = direct(&kernel, &at, &[1.0], &[DVec3::X * (0.5 * k)]).unwrap();
+        assert_eq!(sum, [[1.0, 0.0, 0.0, 0.0]]);
+    }
+}
+
+#[test]
 fn closures_and_texts_are_interchangeable() {
     let at = points(50, 9);
     let charges = vec![1.0; 50];
