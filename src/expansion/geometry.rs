@@ -52,6 +52,12 @@ pub struct Level<T: Real> {
     /// Likewise the derivatives of the kernel with respect to the target, where the kernel
     /// [needs them](crate::Kernel::needs_gradients).
     pub slopes: Option<Strength>,
+    /// What errors of each field may be taken relative to if all have their share of the errors of a pair's values, where
+    /// there are several and that is known. The [size](Strength::size) of all values is the least of these and of those
+    /// of densities.
+    pub fields: Vec<f64>,
+    /// Likewise of what each density sends.
+    pub densities: Vec<f64>,
 }
 
 /// How strongly the pairs of points act that meet through a level, beside the sums that they are part of.
@@ -78,7 +84,8 @@ impl<T: Real> Level<T> {
     /// A level of cells of that half-width, with one M2L pair at each of these offsets.
     pub fn new(level: usize, half_width: T, offsets: Vec<[i32; 3]>) -> Self {
         let pairs = offsets.len();
-        Self { level, half_width, offsets, pairs, values: None, slopes: None }
+        let (values, slopes, fields, densities) = (None, None, Vec::new(), Vec::new());
+        Self { level, half_width, offsets, pairs, values, slopes, fields, densities }
     }
 }
 

@@ -21,6 +21,20 @@ impl Weights {
         self.fields.is_empty()
     }
 
+    /// Both, one after the other.
+    pub(crate) fn and(&self, other: &Self) -> Self {
+        let product = |own: &[f64], other: &[f64]| -> Vec<f64> {
+            match (own, other) {
+                ([], all) | (all, []) => all.to_vec(),
+                (own, other) => own.iter().zip(other).map(|(a, b)| a * b).collect(),
+            }
+        };
+        Self {
+            fields: product(&self.fields, &other.fields),
+            densities: product(&self.densities, &other.densities),
+        }
+    }
+
     /// Multiplies matrices of so many rows that are given one after the other; those of derivatives have three rows
     /// for each field.
     pub(crate) fn apply<S: Scalar>(&self, rows: usize, entries: &mut [S]) {

@@ -37,7 +37,7 @@ use crate::interpolation::store::OperatorStore;
 pub struct Interpolation<K: Kernel> {
     pub(super) kernel: Arc<K>,
     pub(super) accuracy: Accuracy,
-    /// What expansions are of: a_i G_ij b_j.
+    /// What brings the kernel's entries to one size; levels may have weights of their own beside these.
     pub(super) weights: Weights,
     /// Where operators are kept.
     pub(super) store: OperatorStore,
@@ -140,6 +140,14 @@ impl<K: Kernel> Interpolation<K> {
         match &*self.prepared {
             Prepared::Everywhere(everywhere) => &everywhere.rule,
             Prepared::Invariant(invariant) => &invariant.operators.rule,
+        }
+    }
+
+    /// What expansions of a level are of: a_i G_ij b_j.
+    pub(super) fn weights(&self, level: usize) -> &Weights {
+        match &*self.prepared {
+            Prepared::Everywhere(_) => &self.weights,
+            Prepared::Invariant(invariant) => invariant.weights(level),
         }
     }
 

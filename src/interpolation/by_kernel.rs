@@ -25,7 +25,7 @@ impl<K: Kernel> Interpolation<K> {
             [self.source_basis(source.level()), self.target_basis(target.level())];
         let (ys, xs) = (&from_basis.skeleton.points, &to_basis.skeleton.points);
         let mut charges = from_basis.skeleton_charges(self.rule(), from);
-        weigh(&self.weights.densities, false, ys.len(), &mut charges);
+        weigh(&self.weights(source.level()).densities, false, ys.len(), &mut charges);
         let [fields, densities, columns] = self.sizes();
         let mut values = vec![zero::<K::Entry>(); columns * fields * xs.len()];
         let (origin, centre) = self.seen(source, target.centre());
@@ -47,7 +47,7 @@ impl<K: Kernel> Interpolation<K> {
             let weight = K::Entry::from_real(K::Real::from_f64(weight));
             values.iter_mut().for_each(|value| *value *= weight);
         }
-        weigh(&self.weights.fields, false, xs.len(), &mut values);
+        weigh(&self.weights(target.level()).fields, false, xs.len(), &mut values);
         to_basis.add_skeleton_values(self.rule(), values, to);
     }
 
@@ -62,7 +62,7 @@ impl<K: Kernel> Interpolation<K> {
         let basis = self.source_basis(cell.level());
         let ys = &basis.skeleton.points;
         let mut charges = basis.skeleton_charges(self.rule(), multipole);
-        weigh(&self.weights.densities, false, ys.len(), &mut charges);
+        weigh(&self.weights(cell.level()).densities, false, ys.len(), &mut charges);
         let [fields, densities, columns] = self.sizes();
         let gradient = self.kernel.needs_gradients();
         let entries = fields * densities;
@@ -139,7 +139,7 @@ impl<K: Kernel> Interpolation<K> {
                 }
             }
         }
-        weigh(&self.weights.fields, false, xs.len(), &mut values);
+        weigh(&self.weights(cell.level()).fields, false, xs.len(), &mut values);
         basis.add_skeleton_values(self.rule(), values, local);
     }
 

@@ -31,7 +31,7 @@ impl<K: Kernel> Interpolation<K> {
                 let densities = &mut entries[..components * columns];
                 for (j, (y, q)) in sources.iter().zip(charges).enumerate() {
                     self.kernel.density(y, q, densities);
-                    weigh(&self.weights.densities, true, columns, densities);
+                    weigh(&self.weights(cell.level()).densities, true, columns, densities);
                     for component in 0..components {
                         for column in 0..columns {
                             let parts = densities[component * columns + column].parts();
@@ -92,9 +92,9 @@ impl<K: Kernel> Interpolation<K> {
                             }
                         }
                     }
-                    weigh(&self.weights.fields, true, columns, fields);
+                    weigh(&self.weights(cell.level()).fields, true, columns, fields);
                     let slopes = gradients.as_flattened_mut();
-                    weigh(&self.weights.fields, true, 3 * columns, slopes);
+                    weigh(&self.weights(cell.level()).fields, true, 3 * columns, slopes);
                     self.kernel.value(x, fields, gradients, u);
                 }
             },

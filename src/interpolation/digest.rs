@@ -22,6 +22,7 @@ impl<S: Scalar> Operators<S> {
         let digest = Digest::default();
         let digested = &kernel.digested_by(Some(&digest));
         for (l, level) in self.levels.iter().enumerate() {
+            let digested = &digested.weighted_by(&sizes.weights[l]);
             let far = sizes.far_field(l, level.bases.reflected);
             let (nodes, sources) = far.places(&self.rule);
             let field = |xs: &[PointOf<S>], y: PointOf<S>| {
@@ -63,6 +64,7 @@ impl<S: Scalar> Operators<S> {
                 let xs: Vec<PointOf<S>> =
                     (0..CHECK_POINTS).map(|k| at(CHECK_POINTS + k) + step * half_width).collect();
                 for entries in [Some(kernel), slopes.as_ref()].into_iter().flatten() {
+                    let entries = entries.weighted_by(&sizes.weights[l]);
                     let len = xs.len() * entries.fields * entries.densities;
                     let mut values = vec![zero::<S>(); len];
                     (0..CHECK_POINTS).for_each(|k| entries.write(&xs, at(k), &mut values));

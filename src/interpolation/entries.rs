@@ -44,8 +44,13 @@ impl<'a, S: Scalar> Entries<'a, S> {
     }
 
     /// The same entries, weighted.
-    pub(crate) fn weighted_by(self, weights: &'a Weights) -> Self {
-        Self { weights: Some(weights), ..self }
+    pub(crate) fn weighted_by<'b>(&'b self, weights: &'b Weights) -> Entries<'b, S> {
+        Entries { weights: Some(weights), ..*self }
+    }
+
+    /// What rows and columns are multiplied by.
+    pub(crate) fn weights(&self) -> Weights {
+        self.weights.cloned().unwrap_or_default()
     }
 
     /// The same entries, of which `digest` takes what is written.

@@ -38,6 +38,7 @@ impl<S: Scalar> Former<'_, S> {
                 let factor = values.max(slopes);
                 let serves = own.homogeneous == sizes.homogeneous
                     && own.carried[former] == sizes.carried[index]
+                    && own.weights[former] == sizes.weights[index]
                     && factor * level.error <= most
                     && self.reaches(kernel, with_slopes, former, sizes, index);
                 serves.then(|| (former, Arc::clone(level), factor))
@@ -83,6 +84,7 @@ impl<S: Scalar> Former<'_, S> {
         let LevelOperators { bases, .. } = &*self.operators.levels[former];
         let beyond = sizes.far_field(index, bases.reflected).beyond(seen);
         let scale = Scale { slopes: with_slopes, ..own.meeting(other) };
+        let kernel = &kernel.weighted_by(&sizes.weights[index]);
         let fits = |kernel: &Entries<'_, S>, basis: &Basis<S>| {
             self.left_out(kernel, basis, &beyond, scale) <= bases.cut
         };

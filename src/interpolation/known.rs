@@ -50,6 +50,10 @@ impl Key {
             let scales = [sizes.scales.get(level), sizes.slope_scales.get(level)];
             scales.map(|scale| scale.map(Scale::key)).hash(&mut hasher);
             sizes.carried[level].hash(&mut hasher);
+            let weights = &sizes.weights[level];
+            let all = weights.fields.iter().chain(&weights.densities);
+            all.for_each(|weight| weight.to_bits().hash(&mut hasher));
+            let kernel = &kernel.weighted_by(weights);
             sizes.far_field(level, true).for_each_entry(kernel, |entry: S| {
                 entry.parts().map(|part| part.as_f64().to_bits()).hash(&mut hasher);
             });

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use num_traits::Float;
 
 use crate::error::Error;
+use crate::expansion::weights::{Weights, weigh};
 use crate::interpolation::accuracy::Accuracy;
 use crate::interpolation::basis::{adjoint, product, spectrum_costs};
 use crate::interpolation::budget::{
@@ -63,6 +64,8 @@ pub(crate) struct Sizes<T> {
     pub(crate) slope_scales: Vec<Scale>,
     /// What is carried on each level.
     pub(crate) carried: Vec<Carried>,
+    /// What the kernel's rows and columns are multiplied by on each level.
+    pub(crate) weights: Vec<Weights>,
 }
 
 /// Levels that need no operators of their own any more.
@@ -108,13 +111,17 @@ impl<S: Scalar> Operators<S> {
             sizes.far_field(level, reflected)
         });
         let scales = &sizes.scales;
-        let symmetric = fields.iter().all(|far| probe::symmetric(kernel, far.half_width()));
+        let kernels: Vec<Entries<'_, S>> =
+            sizes.weights.iter().map(|weights| kernel.weighted_by(weights)).collect();
+        let symmetric = fields.iter().zip(&kernels);
+        let symmetric =
+            symmetric.into_iter().all(|(far, kernel)| probe::symmetric(kernel, far.half_width()));
         let with_slopes = slopes.is_some();
         // Derivatives are measured in half-widths, like all else.
         let weight = if sizes.homogeneous { 1.0 } else { SLOPE_WEIGHT };
         let slopes_of = |level: usize| {
             slopes.map(|slopes| Slopes {
-                entries: slopes.times(sizes.half_widths[level]),
+                entries: slopes.weighted_by(&sizes.weights[level]).times(sizes.half_widths[level]),
                 scale: sizes.slope_scales[level],
                 weight,
             })
@@ -123,6 +130,7 @@ impl<S: Scalar> Operators<S> {
         let errors = |rule: &Chebyshev<S::Real>| -> Vec<OffsetErrors> {
             let of_level = |level: usize| {
                 let (far, scale, slopes) = (&fields[level], scales[level], &slopes[level]);
+                let kernel = &kernels[level];
                 let mut errors = far.interpolation_error(kernel, rule, scale);
                 if !symmetric {
                     let sources = far.interpolation_error(&kernel.transpose(), rule, scale);
@@ -158,10 +166,10 @@ impl<S: Scalar> Operators<S> {
                     let [evaluations, products] =
                         costs.fold([0.0; 2], |[e, p], [x, y]| [e + x, p + y]);
                     kernel.afford_probes(evaluations, products)?;
-                    let of_level = |(far, &scale): (&FarField<_>, &Scale)| {
+                    let of_level = |((far, &scale), kernel): ((&FarField<_>, &Scale), _)| {
                         far.closer_errors(kernel, rule, scale)
                     };
-                    Ok(fields.iter().zip(scales).map(of_level).collect())
+                    Ok(fields.iter().zip(scales).zip(&kernels).map(of_level).collect())
                 };
                 let accepted =
                     if sizes.homogeneous { ACCEPTED_SHARE } else { ACCEPTED_LEVEL_SHARE };
@@ -185,7 +193,7 @@ impl<S: Scalar> Operators<S> {
         for order in orders {
             let rule = Chebyshev::new(order);
             let request = |level: usize| Request {
-                kernel,
+                kernel: &kernels[level],
                 rule: &rule,
                 symmetric,
                 homogeneous: sizes.homogeneous,
@@ -219,7 +227,7 @@ impl<S: Scalar> Operators<S> {
                 && order < last
                 && worst(&rule) > LIMITING_SHARE * needed;
             if error <= needed && !try_next {
-                let shifts = shifts(&rule, &levels);
+                let shifts = shifts(&rule, &levels, &sizes.weights);
                 return Ok((Self { rule, error, levels, shifts }, digest));
             }
             reachable = reachable.min(error);
@@ -258,29 +266,42 @@ fn foretell<'a, S: Scalar>(
 fn shifts<S: Scalar>(
     rule: &Chebyshev<S::Real>,
     levels: &[Arc<LevelOperators<S>>],
+    weights: &[Weights],
 ) -> Vec<Shifts<S>> {
+    let between = |parent: usize, child: usize| {
+        let levels = [parent, child].map(|level| &*levels[level]);
+        Shifts::new(rule, levels, [parent, child].map(|level| &weights[level]))
+    };
     match levels {
-        [one] => vec![Shifts::new(rule, one, one)],
-        _ => levels.windows(2).map(|pair| Shifts::new(rule, &pair[0], &pair[1])).collect(),
+        [_] => vec![between(0, 0)],
+        _ => (1..levels.len()).map(|child| between(child - 1, child)).collect(),
     }
 }
 
 impl<S: Scalar> Shifts<S> {
     fn new(
         rule: &Chebyshev<S::Real>,
-        parent: &LevelOperators<S>,
-        child: &LevelOperators<S>,
+        [parent, child]: [&LevelOperators<S>; 2],
+        [above, below]: [&Weights; 2],
     ) -> Self {
+        let nodes = rule.len().pow(3);
+        // From moments and fields under the weights of one level to those under the other's.
+        let reweigh = |of: fn(&Weights) -> &[f64], mut columns: Matrix<S>| {
+            weigh(of(above), true, nodes, &mut columns.data);
+            weigh(of(below), false, nodes, &mut columns.data);
+            columns
+        };
         let octants = if parent.bases.reflected && child.bases.reflected { 0..1 } else { 0..8 };
         let m2m = |octant| {
-            // m_parent = V_parentᵀ A conj(V_child) m_child
+            // m_parent = V_parentᵀ b_parent⁻¹ A b_child conj(V_child) m_child
             let moments = child.bases.source.functions.map(S::conjugate);
-            let moments = shift(rule, octant, false, &moments);
+            let moments = reweigh(|own| &own.densities, shift(rule, octant, false, &moments));
             product(&parent.bases.source.functions.transpose(), &moments)
         };
         let l2l = |octant| {
-            // l_child = U_childᴴ Aᵀ U_parent l_parent
+            // l_child = U_childᴴ a_child Aᵀ a_parent⁻¹ U_parent l_parent
             let fields = shift(rule, octant, true, &parent.bases.target.functions);
+            let fields = reweigh(|own| &own.fields, fields);
             product(&adjoint(&child.bases.target.functions), &fields)
         };
         Self { m2m: octants.clone().map(m2m).collect(), l2l: octants.map(l2l).collect() }

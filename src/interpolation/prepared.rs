@@ -7,6 +7,7 @@ use num_traits::Float;
 use crate::error::Error;
 use crate::expansion::admissibility::Admissibility;
 use crate::expansion::geometry::{Geometry, Level};
+use crate::expansion::weights::Weights;
 use crate::interpolation::accuracy::Accuracy;
 use crate::interpolation::budget::SAFE_SHARE;
 use crate::interpolation::carried::Carried;
@@ -20,7 +21,7 @@ use crate::interpolation::means::INTERACTION_OFFSETS;
 use crate::interpolation::operators::{Operators, Sizes};
 use crate::interpolation::order::{Refusal, Restriction, smooth_share};
 use crate::interpolation::probe;
-use crate::interpolation::scale::{Scale, Served, factor};
+use crate::interpolation::scale::{Scale, Served, factor, level_weights, lighter};
 use crate::interpolation::store::OperatorStore;
 use crate::interpolation::transfer::Transfers;
 use crate::interpolation::tuning::{EXTENDED_BYTES, SAMPLED_REACH, SLOPE_ROUNDING, SMOOTH_SHARE};
@@ -152,6 +153,7 @@ impl<S: Scalar> Invariant<S> {
             reaches,
             scales: Vec::new(),
             slope_scales: Vec::new(),
+            weights: Vec::new(),
             carried: Carried::of_levels(
                 &geometry.admissibility,
                 &geometry.levels,
@@ -159,6 +161,9 @@ impl<S: Scalar> Invariant<S> {
             ),
         };
         let unit_size = unit.as_f64();
+        let weights = kernel.weights();
+        let own = geometry.levels.iter().map(|level| weights.and(&level_weights(level)));
+        sizes.weights = if degree.is_some() { vec![weights.clone()] } else { own.collect() };
         if let (Accuracy::Tolerance(tolerance), None, true) =
             (accuracy, degree, geometry.admissibility.is_whole())
         {
@@ -185,8 +190,11 @@ impl<S: Scalar> Invariant<S> {
                     levels.filter_map(|level| Served::new(level, degree, unit_size, derivatives));
                 Ok(Scale::new(model, served))
             };
-            let own = scale(kernel, false)?;
-            let of_slopes = |slopes: &Entries<'_, S>| scale(&slopes.times(far.half_width()), true);
+            let weights = &sizes.weights[index];
+            let own = scale(&kernel.weighted_by(weights), false)?;
+            let of_slopes = |slopes: &Entries<'_, S>| {
+                scale(&slopes.weighted_by(weights).times(far.half_width()), true)
+            };
             Ok((own, slopes.map(of_slopes).transpose()?))
         };
         for scales in parallel::map(sizes.half_widths.len(), &of_level) {
@@ -212,7 +220,8 @@ impl<S: Scalar> Invariant<S> {
             let index = index.min(operators.levels.len() - 1);
             let size =
                 |scales: &[Scale]| scales.get(index).map_or(0.0, |scale| factor * scale.size);
-            [size(&sizes.scales), size(&sizes.slope_scales) / h]
+            let lighter = if degree.is_some() { 1.0 } else { lighter(level) };
+            [size(&sizes.scales) / lighter, size(&sizes.slope_scales) / h]
         };
         let pair_sizes = geometry.levels.iter().enumerate().map(pair_sizes).collect();
         let mut prepared =
@@ -230,6 +239,7 @@ impl<S: Scalar> Invariant<S> {
     ) {
         let mut bytes_left = EXTENDED_BYTES;
         for (index, level) in self.operators.levels.iter().enumerate() {
+            let kernel = &kernel.weighted_by(&self.sizes.weights[index]);
             let mut offsets = match self.degree {
                 Some(_) => geometry.all_offsets(),
                 None => geometry.levels.get(index).map_or(vec![], |level| level.offsets.clone()),
@@ -304,6 +314,11 @@ impl<S: Scalar> Invariant<S> {
         };
         let signs = [&from.signs[reflection][..], &to.signs[reflection]];
         Shift { matrix: &matrices[index], index, signs }
+    }
+
+    /// What expansions of a level are of.
+    pub(crate) fn weights(&self, level: usize) -> &Weights {
+        &self.sizes.weights[self.index(level)]
     }
 
     fn index(&self, level: usize) -> usize {

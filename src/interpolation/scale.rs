@@ -1,6 +1,7 @@
 //! What errors are relative to.
 
 use crate::expansion::geometry::{Level, Strength};
+use crate::expansion::weights::Weights;
 use crate::interpolation::budget::{FEW, KEPT, ONE, ROUNDED_UP, SPARE};
 use crate::interpolation::means::Means;
 use crate::numbers::traits::Real;
@@ -46,6 +47,9 @@ impl Served {
         let h = level.half_width.as_f64();
         let (strength, length) = if derivatives { (level.slopes, h) } else { (level.values, 1.0) };
         let Strength { cells, size, through, .. } = strength?;
+        // Under the level's weights, all may be off by as much as the one that may be off by most.
+        let lighter = if derivatives || degree.is_some() { 1.0 } else { lighter(level) };
+        let [size, through] = [lighter * size, lighter * through];
         // What no pair of the level was seen to need, others need that pass through. One level's operators for
         // all are checked with these.
         let [size, through] = match degree {
@@ -56,6 +60,33 @@ impl Served {
         Some(Self { cells, size, through, factor: factor(degree, h) })
     }
 }
+
+/// How many times as much the field or density may be off that may be off by most as the one that may be so by least.
+pub(crate) fn lighter<T: Real>(level: &Level<T>) -> f64 {
+    let known = || level.fields.iter().chain(&level.densities).filter(|size| size.is_finite());
+    let (least, most) = known()
+        .fold((f64::INFINITY, 0.0f64), |(least, most), size| (least.min(*size), most.max(*size)));
+    if most > LIGHTER * least && least > 0.0 { most / least } else { 1.0 }
+}
+
+/// The weights of a level's fields and densities: what may be off by less is multiplied by more.
+pub(crate) fn level_weights<T: Real>(level: &Level<T>) -> Weights {
+    let lighter = lighter(level);
+    if lighter == 1.0 {
+        return Weights::default();
+    }
+    let known = level.fields.iter().chain(&level.densities).filter(|size| size.is_finite());
+    let most = known.fold(0.0f64, |most, size| most.max(*size));
+    let weight =
+        |size: &f64| if size.is_finite() { (most / size).log2().ceil().exp2() } else { 1.0 };
+    let weights = |sizes: &[f64]| -> Vec<f64> {
+        if sizes.is_empty() { vec![1.0] } else { sizes.iter().map(weight).collect() }
+    };
+    Weights { fields: weights(&level.fields), densities: weights(&level.densities) }
+}
+
+/// By how much the sizes of fields or densities have to differ at a level to be weighted there.
+const LIGHTER: f64 = 4.0;
 
 /// What operators of unit cells are multiplied by at cells of half-width h.
 pub(crate) fn factor(degree: Option<f64>, h: f64) -> f64 {

@@ -338,6 +338,7 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
         let norms = Norms::sample::<E>((self.expansion.kernel(), weights), trees, lists);
         for level in &mut geometry.levels {
             [level.values, level.slopes] = norms.usual[level.level];
+            [level.fields, level.densities] = norms.sizes(level.level);
         }
         Some(norms)
     }

@@ -98,7 +98,13 @@ impl<E: Expansion> Guard<E> {
     fn expanded(&self, usual: &Plan<E>, strengths: &[Strengths], watch: &Watch) -> Option<Plan<E>> {
         let mut geometry = Geometry { watch: watch.clone(), ..self.geometry.clone() };
         for level in &mut geometry.levels {
+            let usual = level.values;
             [level.values, level.slopes] = strengths[level.level];
+            // All are less by what the one is that is less by most.
+            if let (Some(usual), Some(own)) = (usual, level.values) {
+                let sizes = level.fields.iter_mut().chain(&mut level.densities);
+                sizes.for_each(|size| *size *= own.size / usual.size);
+            }
         }
         let mut expansion = usual.expansion.again()?;
         expansion.prepare(&geometry).ok()?;

@@ -21,7 +21,12 @@ pub(crate) struct Norms {
     levels: usize,
     /// For charges of one size, level by level: of values and of derivatives. None for a level without pairs.
     pub(crate) usual: Vec<[Option<Strength>; 2]>,
+    /// Of each field and each density with its share of the errors, and of all; those of all are the least of these.
+    each: Vec<(Entries, Strengths)>,
 }
+
+/// Level by level, of values and of derivatives.
+type Strengths = Vec<[Option<Strength>; 2]>;
 
 /// What comes through a level at a target if every pair is off by 1, for charges of one sign and of any: sources
 /// of one cell err alike, and add up if the charges have one sign; those of several cells don't.
@@ -41,7 +46,8 @@ struct Passing {
 }
 
 impl Norms {
-    /// Samples the targets of a plan of a kernel under some weights, with these lists and no mask. O(levels), whatever the number of points.
+    /// Samples the targets of a plan of a kernel under some weights, with these lists and no mask. O(levels), whatever
+    /// the number of points.
     pub(crate) fn sample<E: Expansion>(
         weighted: (&E::Kernel, &Weights),
         trees: &Trees<SourceOf<E>, TargetOf<E>>,
@@ -54,9 +60,26 @@ impl Norms {
             Target::new::<E>(weighted, trees, lists, leaf)
         };
         let targets = parallel::map(count, &sampled);
-        let mut norms = Self { targets, levels: trees.levels(), usual: Vec::new() };
-        norms.usual = norms.strengths(None);
+        let levels = trees.levels();
+        let mut norms = Self { targets, levels, usual: Vec::new(), each: Vec::new() };
+        norms.each = norms.strengths(None);
+        let strengths = norms.each.iter().map(|(_, strengths)| strengths.clone());
+        norms.usual = strengths.reduce(least).unwrap_or_else(|| vec![[None; 2]; levels]);
         norms
+    }
+
+    /// What errors at a level may be taken relative to: of each field, and of what each density sends.
+    pub(crate) fn sizes(&self, level: usize) -> [Vec<f64>; 2] {
+        let mut sizes = [Vec::new(), Vec::new()];
+        for (entries, strengths) in &self.each {
+            let size = strengths[level][0].map_or(f64::INFINITY, |own| own.size);
+            match entries {
+                Entries::Field(_) => sizes[0].push(size),
+                Entries::Density(_) => sizes[1].push(size),
+                Entries::All => {}
+            }
+        }
+        sizes
     }
 
     /// The strengths for some charges. Where no sampled target meets a level, pairs count by their own size.
@@ -74,7 +97,7 @@ impl Norms {
                 Some(Strength { size, through: passing[channel], ..usual })
             })
         };
-        self.strengths(Some(charges)).into_iter().zip(&self.usual).map(of_level).collect()
+        self.all_for(charges).into_iter().zip(&self.usual).map(of_level).collect()
     }
 
     /// Whether there may be charges for which an expansion whose errors are relative to `sizes` makes too
@@ -108,42 +131,55 @@ impl Norms {
         [share(0, 0), share(0, 1), share(1, 0), share(1, 1)].into_iter().fold(0.0, f64::max)
     }
 
-    fn strengths(&self, charges: Option<&ChargeSums>) -> Vec<[Option<Strength>; 2]> {
-        let [values, slopes] = [0, 1].map(|channel| self.strengths_of(channel, charges));
-        values.into_iter().zip(slopes).map(|(value, slope)| [value, slope]).collect()
+    /// The strengths of all for some charges: the usual ones, but for as much as those of any field or density are less
+    /// than they usually are.
+    fn all_for(&self, charges: &ChargeSums) -> Strengths {
+        let mut actual = self.strengths(Some(charges));
+        if actual.len() < 2 {
+            return actual.pop().map_or_else(|| vec![[None; 2]; self.levels], |(_, all)| all);
+        }
+        let of_level = |level: usize| {
+            [0, 1].map(|channel| {
+                let usual = self.usual[level][channel]?;
+                let ratio = |of: fn(&Strength) -> f64| {
+                    let both = actual.iter().zip(&self.each);
+                    let ratios = both.filter_map(|((_, own), (_, usual))| {
+                        let [own, usual] = [own, usual].map(|all| all[level][channel].as_ref());
+                        let ratio = of(own?) / of(usual?);
+                        (!ratio.is_nan()).then_some(ratio)
+                    });
+                    ratios.fold(f64::INFINITY, f64::min)
+                };
+                let size = usual.size * ratio(|own| own.size);
+                Some(Strength { size, through: usual.through * ratio(|own| own.through), ..usual })
+            })
+        };
+        (0..self.levels).map(of_level).collect()
     }
 
-    /// The strengths of all entries, and no size that is too large for any field or density by itself, if each has its
-    /// share of the errors.
-    fn strengths_of(&self, channel: usize, charges: Option<&ChargeSums>) -> Vec<Option<Strength>> {
+    /// The strengths of each field and each density with its share of the errors, and of all.
+    fn strengths(&self, charges: Option<&ChargeSums>) -> Vec<(Entries, Strengths)> {
         let each = self.targets.first().into_iter().flat_map(Target::each);
-        let least = |least: Vec<Option<Strength>>, own: Vec<Option<Strength>>| {
-            let both = least.into_iter().zip(own).map(|both| match both {
-                (Some(least), Some(own)) => {
-                    let through = own.through.min(least.through);
-                    Some(Strength { size: own.size.min(least.size), through, ..own })
-                }
-                (least, own) => own.or(least),
-            });
-            both.collect()
-        };
         let of_some = |(entries, count): (Entries, usize)| {
             let share = (count as f64).sqrt();
-            let own = self.strengths_of_some(channel, entries, charges).into_iter();
-            // Where a field is zero everywhere, there is nothing to be relative to.
-            let own = own.map(|own| own.filter(|own| count == 1 || own.through > 0.0));
-            let shared = |Strength { pair, cells, size, through }| Strength {
-                pair,
-                cells,
-                size: share * size,
-                through: share * through,
+            let shared = |own: Option<Strength>| {
+                // Where a field is zero everywhere, there is nothing to be relative to.
+                let own = own.filter(|own| count == 1 || own.through > 0.0);
+                own.map(|own| Strength {
+                    size: share * own.size,
+                    through: share * own.through,
+                    ..own
+                })
             };
-            own.map(|own| own.map(shared)).collect()
+            let [values, slopes] =
+                [0, 1].map(|channel| self.strengths_of(channel, entries, charges));
+            let both = values.into_iter().zip(slopes);
+            (entries, both.map(|(value, slope)| [shared(value), shared(slope)]).collect())
         };
-        each.map(of_some).reduce(least).unwrap_or_else(|| vec![None; self.levels])
+        each.map(of_some).collect()
     }
 
-    fn strengths_of_some(
+    fn strengths_of(
         &self,
         channel: usize,
         entries: Entries,
@@ -209,6 +245,19 @@ impl Passing {
         let cells = (l2_norm(self.joint.iter().copied()) / apart).powi(2);
         (self.received / self.charges, cells)
     }
+}
+
+/// The least of both, with the pairs and cells of the latter.
+fn least(some: Strengths, own: Strengths) -> Strengths {
+    let least = |some: Option<Strength>, own: Option<Strength>| match (some, own) {
+        (Some(some), Some(own)) => {
+            let through = own.through.min(some.through);
+            Some(Strength { size: own.size.min(some.size), through, ..own })
+        }
+        (some, own) => own.or(some),
+    };
+    let both = some.into_iter().zip(own);
+    both.map(|(some, own)| [0, 1].map(|channel| least(some[channel], own[channel]))).collect()
 }
 
 /// Errors relative to whole sums: the root mean square of the quotients, or the quotient of the norms, whichever
