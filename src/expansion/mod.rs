@@ -52,8 +52,8 @@ pub trait Expansion: Send + Sync {
     fn local_len(&self, level: usize) -> usize;
 
     /// What brings the rows and columns of G to one size for pairs of points within `root`, if the expansion weighs
-    /// them so that its errors are small beside each of them. Called before [`prepare`](Self::prepare), whose
-    /// [strengths](crate::Strength) are then those of the weighted kernel. By default, nothing is weighted.
+    /// them so that its errors are small beside each of them. Called before [`prepare`](Self::prepare) if there are
+    /// levels, whose [strengths](crate::Strength) are then those of the weighted kernel. By default, nothing is weighted.
     fn weigh(&mut self, _root: &Cube<RealOf<Self>>) -> Weights {
         Weights::default()
     }

@@ -19,7 +19,7 @@ impl<K: Kernel> Interpolation<K> {
         multipole: &mut [K::Entry],
     ) {
         let n = self.rule().len();
-        let basis = self.source_basis(cell.level());
+        let (basis, weights) = (self.source_basis(cell.level()), self.weights(cell.level()));
         let (components, columns) = (self.kernel.densities(), self.kernel.columns());
         self.scratch.with(
             || Scratch::new(n, &self.kernel),
@@ -31,7 +31,7 @@ impl<K: Kernel> Interpolation<K> {
                 let densities = &mut entries[..components * columns];
                 for (j, (y, q)) in sources.iter().zip(charges).enumerate() {
                     self.kernel.density(y, q, densities);
-                    weigh(&self.weights(cell.level()).densities, true, columns, densities);
+                    weigh(&weights.densities, true, columns, densities);
                     for component in 0..components {
                         for column in 0..columns {
                             let parts = densities[component * columns + column].parts();
@@ -57,7 +57,7 @@ impl<K: Kernel> Interpolation<K> {
         values: &mut [K::Value],
     ) {
         let n = self.rule().len();
-        let basis = self.target_basis(cell.level());
+        let (basis, weights) = (self.target_basis(cell.level()), self.weights(cell.level()));
         let (components, columns) = (self.kernel.fields(), self.kernel.columns());
         let gradient = self.kernel.needs_gradients();
         self.scratch.with(
@@ -92,9 +92,9 @@ impl<K: Kernel> Interpolation<K> {
                             }
                         }
                     }
-                    weigh(&self.weights(cell.level()).fields, true, columns, fields);
+                    weigh(&weights.fields, true, columns, fields);
                     let slopes = gradients.as_flattened_mut();
-                    weigh(&self.weights(cell.level()).fields, true, 3 * columns, slopes);
+                    weigh(&weights.fields, true, 3 * columns, slopes);
                     self.kernel.value(x, fields, gradients, u);
                 }
             },

@@ -4,6 +4,7 @@ use crate::expansion::geometry::{Level, Strength};
 use crate::expansion::weights::Weights;
 use crate::interpolation::budget::{FEW, KEPT, ONE, ROUNDED_UP, SPARE};
 use crate::interpolation::means::Means;
+use crate::interpolation::tuning::LIGHTER;
 use crate::numbers::traits::Real;
 
 /// The size of a pair of points that the errors of operators are relative to.
@@ -84,9 +85,6 @@ pub(crate) fn level_weights<T: Real>(level: &Level<T>) -> Weights {
     };
     Weights { fields: weights(&level.fields), densities: weights(&level.densities) }
 }
-
-/// By how much the sizes of fields or densities have to differ at a level to be weighted there.
-const LIGHTER: f64 = 4.0;
 
 /// What operators of unit cells are multiplied by at cells of half-width h.
 pub(crate) fn factor(degree: Option<f64>, h: f64) -> f64 {

@@ -66,6 +66,9 @@ pub(crate) const BALANCED_PAIRS: usize = 32;
 /// By how many binary orders rows, or columns, have to differ to be weighted: by more than units of like size make them.
 pub(crate) const BALANCED_RANGE: f64 = 5.0;
 
+/// By how much the sizes of fields or densities have to differ at a level to be weighted there.
+pub(crate) const LIGHTER: f64 = 4.0;
+
 /// How often rows are brought to one size, and columns.
 pub(crate) const BALANCE_STEPS: usize = 16;
 

@@ -256,7 +256,10 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
                 watch: watch.clone(),
                 ..Geometry::new(trees.root, levels)
             };
-            let weights = self.expansion.weigh(&trees.root);
+            // Direct sums ask the kernel for their own pairs and no others.
+            let is_direct = geometry.levels.is_empty();
+            let weights =
+                if is_direct { Weights::default() } else { self.expansion.weigh(&trees.root) };
             let norms = self.measure(&weights, &trees, &lists, &mut geometry);
             let prepared = self.expansion.prepare(&geometry);
             clock.lap(&mut times.operators);

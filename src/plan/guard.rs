@@ -12,13 +12,10 @@ use crate::interaction::traversal::{Far, Traversal};
 use crate::kernel::mask::Unmasked;
 use crate::parallel::watch::Watch;
 use crate::plan::charge_sums::ChargeSums;
-use crate::plan::norms::{Norms, forbid};
+use crate::plan::norms::{Norms, Strengths, forbid};
 use crate::plan::ready::Ready;
 use crate::plan::tuning::{LIKE_SIZES, OTHER_PLANS, UNUSUAL};
 use crate::plan::{Plan, Scheme};
-
-/// Of a level's values and derivatives.
-type Strengths = [Option<Strength>; 2];
 
 /// Sees to it that a plan whose budget is that of whole sums keeps the tolerance whatever the charges.
 pub(crate) struct Guard<E: Expansion> {

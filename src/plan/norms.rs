@@ -11,7 +11,7 @@ use crate::numbers::traits::l2_norm;
 use crate::octree::trees::Trees;
 use crate::parallel;
 use crate::plan::charge_sums::ChargeSums;
-use crate::plan::sampled_target::{Entries, Part, Target, Way};
+use crate::plan::sampled_target::{Components, Part, Target, Way};
 use crate::plan::tuning::{ISOLATED_SHARE, LIKE_SIZES, NORM_TARGETS, ONE_SIGN};
 
 /// Values of the kernel at sampled targets, and what follows from them for charges of one size.
@@ -20,13 +20,13 @@ pub(crate) struct Norms {
     targets: Vec<Target>,
     levels: usize,
     /// For charges of one size, level by level: of values and of derivatives. None for a level without pairs.
-    pub(crate) usual: Vec<[Option<Strength>; 2]>,
+    pub(crate) usual: Vec<Strengths>,
     /// Of each field and each density with its share of the errors, and of all; those of all are the least of these.
-    each: Vec<(Entries, Strengths)>,
+    each: Vec<(Components, Vec<Strengths>)>,
 }
 
-/// Level by level, of values and of derivatives.
-type Strengths = Vec<[Option<Strength>; 2]>;
+/// Of a level's values and derivatives.
+pub(crate) type Strengths = [Option<Strength>; 2];
 
 /// What comes through a level at a target if every pair is off by 1, for charges of one sign and of any: sources
 /// of one cell err alike, and add up if the charges have one sign; those of several cells don't.
@@ -74,18 +74,18 @@ impl Norms {
         for (entries, strengths) in &self.each {
             let size = strengths[level][0].map_or(f64::INFINITY, |own| own.size);
             match entries {
-                Entries::Field(_) => sizes[0].push(size),
-                Entries::Density(_) => sizes[1].push(size),
-                Entries::All => {}
+                Components::Field(_) => sizes[0].push(size),
+                Components::Density(_) => sizes[1].push(size),
+                Components::All => {}
             }
         }
         sizes
     }
 
     /// The strengths for some charges. Where no sampled target meets a level, pairs count by their own size.
-    pub(crate) fn strengths_for(&self, charges: &ChargeSums) -> Vec<[Option<Strength>; 2]> {
+    pub(crate) fn strengths_for(&self, charges: &ChargeSums) -> Vec<Strengths> {
         let mut passing = [f64::INFINITY; 2];
-        let of_level = |(actual, usual): ([Option<Strength>; 2], &[Option<Strength>; 2])| {
+        let of_level = |(actual, usual): (Strengths, &Strengths)| {
             [0, 1].map(|channel| {
                 let usual = usual[channel]?;
                 let [size, through] = actual[channel]
@@ -121,7 +121,7 @@ impl Norms {
         let share = |channel: usize, kind: usize| {
             let received = |counts: fn(Way) -> bool| -> Vec<f64> {
                 let at = |target: &Target| {
-                    target.received(channel, Entries::All, Some(charges), counts)[kind]
+                    target.received(channel, Components::All, Some(charges), counts)[kind]
                 };
                 self.targets.iter().map(at).collect()
             };
@@ -133,7 +133,7 @@ impl Norms {
 
     /// The strengths of all for some charges: the usual ones, but for as much as those of any field or density are less
     /// than they usually are.
-    fn all_for(&self, charges: &ChargeSums) -> Strengths {
+    fn all_for(&self, charges: &ChargeSums) -> Vec<Strengths> {
         let mut actual = self.strengths(Some(charges));
         if actual.len() < 2 {
             return actual.pop().map_or_else(|| vec![[None; 2]; self.levels], |(_, all)| all);
@@ -158,9 +158,9 @@ impl Norms {
     }
 
     /// The strengths of each field and each density with its share of the errors, and of all.
-    fn strengths(&self, charges: Option<&ChargeSums>) -> Vec<(Entries, Strengths)> {
+    fn strengths(&self, charges: Option<&ChargeSums>) -> Vec<(Components, Vec<Strengths>)> {
         let each = self.targets.first().into_iter().flat_map(Target::each);
-        let of_some = |(entries, count): (Entries, usize)| {
+        let of_some = |(entries, count): (Components, usize)| {
             let share = (count as f64).sqrt();
             let shared = |own: Option<Strength>| {
                 // Where a field is zero everywhere, there is nothing to be relative to.
@@ -182,7 +182,7 @@ impl Norms {
     fn strengths_of(
         &self,
         channel: usize,
-        entries: Entries,
+        entries: Components,
         charges: Option<&ChargeSums>,
     ) -> Vec<Option<Strength>> {
         let mut wholes = [Vec::new(), Vec::new()];
@@ -248,7 +248,7 @@ impl Passing {
 }
 
 /// The least of both, with the pairs and cells of the latter.
-fn least(some: Strengths, own: Strengths) -> Strengths {
+fn least(some: Vec<Strengths>, own: Vec<Strengths>) -> Vec<Strengths> {
     let least = |some: Option<Strength>, own: Option<Strength>| match (some, own) {
         (Some(some), Some(own)) => {
             let through = own.through.min(some.through);
@@ -270,10 +270,7 @@ fn relative(errors: &[f64], wholes: &[f64]) -> f64 {
 }
 
 /// Whether an expansion whose errors are relative to `sizes` is too coarse for charges with these strengths.
-pub(crate) fn forbid(
-    strengths: &[[Option<Strength>; 2]],
-    sizes: impl Fn(usize) -> [f64; 2],
-) -> bool {
+pub(crate) fn forbid(strengths: &[Strengths], sizes: impl Fn(usize) -> [f64; 2]) -> bool {
     (0..2).any(|channel| {
         let relative = strengths.iter().enumerate().map(|(level, strengths)| {
             let size = sizes(level)[channel];

@@ -34,9 +34,9 @@ pub(crate) struct Part {
     pub(crate) magnitudes: [f64; 2],
 }
 
-/// Entries of a matrix: all, those of a field, or those of a density.
+/// Components of a matrix: all, those of a field, or those of a density.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum Entries {
+pub(crate) enum Components {
     All,
     Field(usize),
     Density(usize),
@@ -142,7 +142,8 @@ impl Target {
         let shape = [kernel.fields(), kernel.densities()];
         let mut own = Self { parts: Vec::new(), means, sizes, shape };
         let part = |(k, (way, sources))| {
-            let magnitudes = [0, 1].map(|channel| own.size(channel, k, parts.len(), Entries::All));
+            let magnitudes =
+                [0, 1].map(|channel| own.size(channel, k, parts.len(), Components::All));
             Part { way, sources, magnitudes }
         };
         own.parts = parts.iter().cloned().enumerate().map(part).collect();
@@ -153,7 +154,7 @@ impl Target {
     pub(crate) fn received(
         &self,
         channel: usize,
-        entries: Entries,
+        entries: Components,
         charges: Option<&ChargeSums>,
         counts: impl Fn(Way) -> bool,
     ) -> [f64; 2] {
@@ -170,24 +171,24 @@ impl Target {
     }
 
     /// The root mean square of some entries of G, or ∂G/∂x, over the k-th part.
-    pub(crate) fn magnitude(&self, channel: usize, k: usize, entries: Entries) -> f64 {
+    pub(crate) fn magnitude(&self, channel: usize, k: usize, entries: Components) -> f64 {
         match entries {
-            Entries::All => self.parts[k].magnitudes[channel],
+            Components::All => self.parts[k].magnitudes[channel],
             some => self.size(channel, k, self.parts.len(), some),
         }
     }
 
     /// The fields and the densities by themselves, and how many there are of each; only all of them together where
     /// there is one.
-    pub(crate) fn each(&self) -> impl Iterator<Item = (Entries, usize)> {
+    pub(crate) fn each(&self) -> impl Iterator<Item = (Components, usize)> {
         let [fields, densities] = self.shape;
         let alone = |count: usize| if count > 1 { count } else { 0 };
-        let of_fields = (0..alone(fields)).map(move |i| (Entries::Field(i), fields));
-        let of_densities = (0..alone(densities)).map(move |j| (Entries::Density(j), densities));
-        of_fields.chain(of_densities).chain([(Entries::All, 1)])
+        let of_fields = (0..alone(fields)).map(move |i| (Components::Field(i), fields));
+        let of_densities = (0..alone(densities)).map(move |j| (Components::Density(j), densities));
+        of_fields.chain(of_densities).chain([(Components::All, 1)])
     }
 
-    fn size(&self, channel: usize, k: usize, parts: usize, entries: Entries) -> f64 {
+    fn size(&self, channel: usize, k: usize, parts: usize, entries: Components) -> f64 {
         let len = self.sizes[channel].len() / parts.max(1);
         let own = self.sizes[channel][k * len..][..len].iter().enumerate();
         let own = own.filter(|(k, _)| self.is_of(channel, *k, entries));
@@ -195,13 +196,13 @@ impl Target {
     }
 
     /// Whether the k-th number of a matrix is of some entries.
-    fn is_of(&self, channel: usize, k: usize, entries: Entries) -> bool {
+    fn is_of(&self, channel: usize, k: usize, entries: Components) -> bool {
         let (entry, densities) = (k / 2, self.shape[1]);
         let rows = if channel == 0 { 1 } else { 3 };
         match entries {
-            Entries::All => true,
-            Entries::Field(i) => entry / densities / rows == i,
-            Entries::Density(j) => entry % densities == j,
+            Components::All => true,
+            Components::Field(i) => entry / densities / rows == i,
+            Components::Density(j) => entry % densities == j,
         }
     }
 

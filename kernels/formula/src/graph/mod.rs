@@ -52,7 +52,8 @@ pub(crate) enum Binary {
     Add,
     Subtract,
     Multiply,
-    /// Rounded once. Where that makes no difference there are [products with reciprocals](Graph::quotient).
+    /// Rounded once, as numbers that are compared have to be: 49 · (1/49) is less than 1. Where that makes no difference
+    /// there are [products with reciprocals](Graph::quotient).
     Divide,
     Power,
     Min,

@@ -71,11 +71,6 @@ impl Graph {
         self.product(a, inverse)
     }
 
-    /// a / b rounded once, as numbers that are compared have to be: 49 · (1/49) is less than 1.
-    pub(crate) fn exact_quotient(&mut self, a: Id, b: Id) -> Id {
-        self.binary(Binary::Divide, a, b)
-    }
-
     /// `yes` where a comparison holds, `no` elsewhere.
     pub(crate) fn select(&mut self, comparison: Comparison, sides: [Id; 2], yes: Id, no: Id) -> Id {
         let [a, b] = sides;

@@ -144,7 +144,7 @@ impl Parser<'_> {
             } else if self.take("/") {
                 let right = self.signed()?;
                 let quotient = if self.compared {
-                    self.graph.exact_quotient(left, right)
+                    self.graph.binary(Binary::Divide, left, right)
                 } else {
                     self.graph.quotient(left, right)
                 };
