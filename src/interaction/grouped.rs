@@ -1,7 +1,5 @@
 //! Items in groups, one group after the other in a flat array.
 
-use rayon::prelude::*;
-
 use crate::parallel;
 
 /// Items grouped by the index of their group.
@@ -57,7 +55,7 @@ impl<V: Copy + Default + Send + Sync> Grouped<V> {
         }
         let mut items = vec![V::default(); total];
         let mut rest = &mut items[..];
-        let places: Vec<(&mut [V], Self)> = parts
+        let mut places: Vec<(&mut [V], Self)> = parts
             .into_iter()
             .map(|part| {
                 let (place, tail) = std::mem::take(&mut rest).split_at_mut(part.items.len());
@@ -65,7 +63,10 @@ impl<V: Copy + Default + Send + Sync> Grouped<V> {
                 (place, part)
             })
             .collect();
-        places.into_par_iter().for_each(|(place, part)| place.copy_from_slice(&part.items));
+        parallel::for_each_piece(&mut places, 1, &|_, place| {
+            let (place, part) = &mut place[0];
+            place.copy_from_slice(&part.items);
+        });
         Self { starts, items }
     }
 

@@ -2,6 +2,7 @@
 
 use crate::interaction::lists::ALL;
 use crate::interaction::traversal::{Candidate, Found, Traversal};
+use crate::numbers::compiled::Compiled;
 use crate::numbers::traits::Real;
 use crate::parallel;
 
@@ -28,43 +29,21 @@ pub(crate) struct ListSample {
 const CELLS: usize = 32;
 const ALL_CELLS: usize = 384;
 
+/// [`Traversal::sample_lists`].
+type Sample<T> = fn(&Traversal<'_, T>, usize) -> (Vec<ListSample>, f64);
+static SAMPLE: Compiled<Sample<f32>, Sample<f64>> = Compiled(sample, sample);
+
 impl<T: Real> Traversal<'_, T> {
     /// Surveys every level of the target tree, and tells which share of the work of finding all lists
     /// that is. M2P at a target and P2L of a source are taken to cost as much as `m2p_pairs` pairs summed
-    /// directly. O(levels²), whatever the number of points.
+    /// directly. O(levels²) or O(cells), whichever is less.
     pub(crate) fn sample_lists(&self, m2p_pairs: usize) -> (Vec<ListSample>, f64) {
-        let shape = &self.targets.shape;
-        let most = (ALL_CELLS / shape.levels().max(1)).clamp(4, CELLS);
-        let level = |level: usize| {
-            let cells = shape.level(level);
-            let count = cells.len().min(most);
-            // From the middle of as many stretches of the level.
-            let sampled = |k: usize| cells.start + (2 * k + 1) * cells.len() / (2 * count);
-            let share = cells.len() as f64 / count as f64;
-            let found: Vec<ListSample> =
-                parallel::map(count, &|k| self.sample_cell(sampled(k), m2p_pairs));
-            found.iter().fold(ListSample::default(), |sum, cell| sum.with(share, cell))
-        };
-        // A cell is visited after all above it.
-        let visits = |level: usize| shape.level(level).len().min(most) * (level + 1);
-        let visits: usize = (0..shape.levels()).map(visits).sum();
-        let share = visits as f64 / shape.nodes.len().max(1) as f64;
-        ((0..shape.levels()).map(level).collect(), share)
+        SAMPLE.of::<Sample<T>>()(self, m2p_pairs)
     }
 
-    /// What one target cell would find.
-    fn sample_cell(&self, t: usize, m2p_pairs: usize) -> ListSample {
+    /// A target cell's part in its level, from what was found for it.
+    fn sample_of(&self, t: usize, found: &Found, m2p_pairs: usize) -> ListSample {
         let nodes = &self.targets.shape.nodes;
-        let mut path: Vec<usize> = self.targets.shape.path_to_root(t).collect();
-        path.reverse();
-        let mut candidates: Vec<Candidate> = self.at_root().into_iter().collect();
-        let mut near = Vec::new();
-        let mut found = Found::default();
-        for cell in path {
-            found = Found::default();
-            self.visit(cell as u32, &candidates, &mut near, &mut found);
-            candidates = std::mem::take(&mut found.open.items);
-        }
         let targets = nodes[t].count() as f64;
         let sources = &self.sources.shape.nodes;
         let count = |s: &u32| sources[*s as usize].count();
@@ -100,6 +79,47 @@ impl<T: Real> Traversal<'_, T> {
             treecode_pairs: targets * found.m2l.items.iter().map(by_m2p).sum::<f64>(),
         }
     }
+}
+
+fn sample<T: Real>(traversal: &Traversal<'_, T>, m2p_pairs: usize) -> (Vec<ListSample>, f64) {
+    let shape = &traversal.targets.shape;
+    let most = (ALL_CELLS / shape.levels().max(1)).clamp(4, CELLS);
+    // From the middle of as many stretches of each level.
+    let sampled = |level: usize| {
+        let cells = shape.level(level);
+        let count = cells.len().min(most);
+        (0..count).map(move |k| cells.start + (2 * k + 1) * cells.len() / (2 * count))
+    };
+    // A cell is visited after all above it.
+    let mut visited = vec![false; shape.nodes.len()];
+    for level in (0..shape.levels()).rev() {
+        sampled(level).for_each(|cell| visited[cell] = true);
+        for cell in shape.level(level).filter(|&cell| visited[cell]).collect::<Vec<_>>() {
+            visited[shape.nodes[cell].parent as usize] = true;
+        }
+    }
+    let mut samples = Vec::with_capacity(shape.levels());
+    let mut above: Vec<(usize, Found)> = Vec::new();
+    for level in 0..shape.levels() {
+        let cells: Vec<usize> = shape.level(level).filter(|&cell| visited[cell]).collect();
+        let found = parallel::map(cells.len(), &|k| {
+            let parent = shape.nodes[cells[k]].parent as usize;
+            let parent = above.binary_search_by_key(&parent, |(cell, _)| *cell);
+            let root: Vec<Candidate> = traversal.at_root().into_iter().collect();
+            let candidates = parent.map_or(&root, |parent| &above[parent].1.open.items);
+            let (mut near, mut found) = (Vec::new(), Found::default());
+            traversal.visit(cells[k] as u32, candidates, &mut near, &mut found);
+            found
+        });
+        above = cells.into_iter().zip(found).collect();
+        let share = shape.level(level).len() as f64 / sampled(level).len() as f64;
+        samples.push(sampled(level).fold(ListSample::default(), |sum, cell| {
+            let place = above.partition_point(|(other, _)| *other < cell);
+            sum.with(share, &traversal.sample_of(cell, &above[place].1, m2p_pairs))
+        }));
+    }
+    let visits = visited.iter().filter(|&&visited| visited).count();
+    (samples, visits as f64 / shape.nodes.len().max(1) as f64)
 }
 
 impl ListSample {

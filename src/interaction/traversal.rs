@@ -14,6 +14,7 @@ use crate::interaction::grouped::Grouped;
 use crate::interaction::lists::{ALL, Lists, NONE, PairShare, Run, append};
 use crate::interaction::offsets::OffsetSet;
 use crate::kernel::mask::Coverage;
+use crate::numbers::compiled::Compiled;
 use crate::numbers::traits::Real;
 use crate::octree::geometry::{Cell, MAX_OFFSET};
 use crate::octree::shape::Node;
@@ -81,6 +82,14 @@ pub(crate) struct Found {
 const STRETCHES: usize = 256;
 const STRETCH: usize = 64;
 
+/// Found lists, with the runs that are partly masked.
+type RunOf<T> = fn(&Traversal<'_, T>) -> (Lists, Vec<PartialPair>);
+static RUN: Compiled<RunOf<f32>, RunOf<f64>> = Compiled(compiled, compiled);
+
+fn compiled<T: Real>(traversal: &Traversal<'_, T>) -> (Lists, Vec<PartialPair>) {
+    traversal.run()
+}
+
 impl<T: Real> Traversal<'_, T> {
     /// Finds the lists. `progress` is told the fraction of partly masked pairs that have been asked
     /// for.
@@ -88,7 +97,7 @@ impl<T: Real> Traversal<'_, T> {
     /// # Errors
     /// The first pair that counts by a share that is not a number from 0 to 1.
     pub(crate) fn lists(&self, progress: &(dyn Fn(f64) + Sync)) -> Result<Lists, PairShare> {
-        let (mut lists, partial) = self.run();
+        let (mut lists, partial) = RUN.of::<RunOf<T>>()(self);
         if !partial.is_empty() {
             let count = |cell: u32| self.targets.shape.nodes[cell as usize].count();
             let answers = ask_all(self.mask, &count, &partial, progress, self.watch);
@@ -99,7 +108,7 @@ impl<T: Real> Traversal<'_, T> {
 
     /// The lists of a mask that lets every pair count.
     pub(crate) fn unmasked(&self) -> Lists {
-        self.run().0
+        RUN.of::<RunOf<T>>()(self).0
     }
 
     /// The lists, with the runs that are partly masked.

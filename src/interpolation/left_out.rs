@@ -2,7 +2,7 @@
 
 use crate::expansion::geometry::{Level, Strength};
 use crate::interpolation::budget::PAIR_SHARE;
-use crate::interpolation::entries::{Entries, PointOf, norm_squared};
+use crate::interpolation::entries::{Entries, PointOf, norm_squared, zero};
 use crate::interpolation::means::{interaction_offsets, weight};
 use crate::interpolation::order::{Refusal, Restriction};
 use crate::interpolation::tuning::WORTH_LEAVING;
@@ -30,15 +30,10 @@ pub(crate) fn leave_out<S: Scalar>(
     };
     let offsets: Vec<Vec<bool>> = parallel::map(levels.len(), &|index| {
         let level = &levels[index];
-        let values = most(level.values);
-        let derivatives = slopes.map(|slopes| (slopes, most(level.slopes)));
-        let is_little = |offset: [i32; 3]| {
-            values.is_some_and(|most| is_below(kernel, level.half_width, offset, most))
-                && derivatives.as_ref().is_none_or(|(slopes, most)| {
-                    most.is_some_and(|most| is_below(slopes, level.half_width, offset, most))
-                })
-        };
-        interaction_offsets().map(is_little).collect()
+        let values = below(kernel, level.half_width, most(level.values));
+        let Some(slopes) = slopes else { return values };
+        let slopes = below(slopes, level.half_width, most(level.slopes));
+        values.into_iter().zip(slopes).map(|(values, slopes)| values && slopes).collect()
     });
     let all: f64 = interaction_offsets().map(weight).sum();
     let share = |level: &Vec<bool>| {
@@ -51,22 +46,32 @@ pub(crate) fn leave_out<S: Scalar>(
     Ok(())
 }
 
-/// Whether no entry between the centres and the corners of two cells is larger than `most`.
-fn is_below<S: Scalar>(
-    kernel: &Entries<'_, S>,
-    half_width: S::Real,
-    offset: [i32; 3],
-    most: f64,
-) -> bool {
-    let step = offset.map(|o| S::Real::from_f64(2.0 * f64::from(o)));
-    let source = PointOf::<S>::from_array(step);
-    // Differences of corners lie on a grid of half-widths.
-    let grid: Vec<PointOf<S>> = (0..27i32)
-        .map(|k| [k / 9, k / 3 % 3, k % 3].map(|c| S::Real::from_f64(2.0 * f64::from(c) - 2.0)))
-        .map(|d| (source + PointOf::<S>::from_array(d)) * half_width)
-        .collect();
-    let below =
-        |d: &PointOf<S>| norm_squared(&kernel.at(PointOf::<S>::default(), *d)).sqrt() <= most;
+/// For each offset, whether no entry between the centres and the corners of two cells is larger than `most`.
+fn below<S: Scalar>(kernel: &Entries<'_, S>, half_width: S::Real, most: Option<f64>) -> Vec<bool> {
+    let Some(most) = most else { return interaction_offsets().map(|_| false).collect() };
+    let place = |steps: [i32; 3]| {
+        PointOf::<S>::from_array(steps.map(|c| S::Real::from_f64(f64::from(c)))) * half_width
+    };
+    let len = kernel.fields * kernel.densities;
+    let are_below = |places: &[PointOf<S>]| {
+        let mut entries = vec![zero::<S>(); places.len() * len];
+        kernel.write(places, PointOf::<S>::default(), &mut entries);
+        let below = entries.chunks_exact(len).map(|entries| norm_squared(entries).sqrt() <= most);
+        below.collect::<Vec<bool>>()
+    };
+    let centres: Vec<_> = interaction_offsets().map(|o| place(o.map(|o| -2 * o))).collect();
     // Most are seen at the centres.
-    below(&grid[13]) && grid.iter().all(below)
+    let at_centres = are_below(&centres);
+    interaction_offsets()
+        .zip(at_centres)
+        .map(|(offset, is_below)| {
+            // Differences of corners lie on a grid of half-widths.
+            let corner = |k: i32| [k / 9, k / 3 % 3, k % 3].map(|c| 2 * c - 2);
+            let corners = (0..27).map(|k| {
+                let corner = corner(k);
+                place(std::array::from_fn(|axis| corner[axis] - 2 * offset[axis]))
+            });
+            is_below && are_below(&corners.collect::<Vec<_>>()).into_iter().all(|below| below)
+        })
+        .collect()
 }

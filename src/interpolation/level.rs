@@ -58,8 +58,24 @@ pub(crate) struct Built<S: Scalar> {
 /// # Errors
 /// What can't be afforded.
 pub(crate) fn build_levels<S: Scalar>(requests: &[Request<'_, S>]) -> Result<Vec<Built<S>>, Error> {
-    let first = parallel::map(requests.len(), &|k| Attempt::first(&requests[k]));
-    let mut attempts: Vec<Attempt<'_, S>> = first.into_iter().collect::<Result<_, _>>()?;
+    let spectra = parallel::map(requests.len(), &|k| requests[k].spectra().map(Some));
+    let spectra: Vec<Option<Spectra<S>>> = spectra.into_iter().collect::<Result<_, _>>()?;
+    // What all levels take is known before any is built.
+    let mut needed = [0.0; 2];
+    for (request, spectra) in requests.iter().zip(spectra.iter().flatten()) {
+        let costs = request.costs(spectra, request.cut(request.first_share(spectra)));
+        needed = [0, 1].map(|k| needed[k] + FORETOLD_ATTEMPTS * costs[k]);
+    }
+    if let Some(request) = requests.first() {
+        request.kernel.afford(needed[0], needed[1])?;
+    }
+    let mut first: Vec<_> = spectra.into_iter().map(|spectra| (spectra, None)).collect();
+    parallel::for_each_piece(&mut first, 1, &|k, level| {
+        let (spectra, attempt) = &mut level[0];
+        *attempt = spectra.take().map(|spectra| Attempt::first(&requests[k], spectra));
+    });
+    let first = first.into_iter().filter_map(|(_, attempt)| attempt);
+    let mut attempts: Vec<Attempt<'_, S>> = first.collect::<Result<_, _>>()?;
     let accepted: f64 = requests.iter().map(|request| request.accepted_error().powi(2)).sum();
     for _ in 1..ATTEMPTS {
         let squares = attempts.iter().map(|attempt| attempt.built.operators.error.powi(2));
@@ -76,6 +92,9 @@ pub(crate) fn build_levels<S: Scalar>(requests: &[Request<'_, S>]) -> Result<Vec
     Ok(attempts.into_iter().map(|attempt| attempt.built).collect())
 }
 
+/// The first attempt is seldom the last.
+const FORETOLD_ATTEMPTS: f64 = 2.0;
+
 /// The operators of a level with one choice of its cut-offs.
 struct Attempt<'a, S: Scalar> {
     request: &'a Request<'a, S>,
@@ -87,18 +106,9 @@ struct Attempt<'a, S: Scalar> {
 }
 
 impl<'a, S: Scalar> Attempt<'a, S> {
-    fn first(request: &'a Request<'a, S>) -> Result<Self, Error> {
-        let spectra = request.spectra()?;
-        let mut share = truncation_share(request.tolerance, spectra.reflected);
-        if request.slopes.is_some() {
-            share *= SLOPE_SHARE;
-        }
-        // What only passes through is not checked.
-        if request.far.carried().offsets().is_empty() {
-            share *= PASSING_SHARE;
-        }
-        // The first attempt is seldom the last.
-        let built = request.operators(&spectra, share, 2.0)?;
+    fn first(request: &'a Request<'a, S>, spectra: Spectra<S>) -> Result<Self, Error> {
+        let share = request.first_share(&spectra);
+        let built = request.operators(&spectra, share, FORETOLD_ATTEMPTS)?;
         let spectra = (built.operators.error > request.accepted_error()).then_some(spectra);
         Ok(Self { request, spectra, share, built })
     }
@@ -156,12 +166,33 @@ impl<S: Scalar> Request<'_, S> {
         Ok(Spectra { targets, sources, reflected: parities.is_some(), digest })
     }
 
+    /// The share of the tolerance that truncations have at first.
+    fn first_share(&self, spectra: &Spectra<S>) -> f64 {
+        let mut share = truncation_share(self.tolerance, spectra.reflected);
+        if self.slopes.is_some() {
+            share *= SLOPE_SHARE;
+        }
+        // What only passes through is not checked.
+        if self.far.carried().offsets().is_empty() {
+            share *= PASSING_SHARE;
+        }
+        share
+    }
+
+    /// What is cut off if truncations have that share of the tolerance.
+    fn cut(&self, share: f64) -> f64 {
+        share * self.tolerance * self.scale.size
+    }
+
+    /// The evaluations and multiply-adds that operators take.
+    fn costs(&self, spectra: &Spectra<S>, cut: f64) -> [f64; 2] {
+        operator_costs(self.kernel, self.rule.len(), spectra.targets.rank(cut), spectra.reflected)
+    }
+
     /// Bases and M2L matrices, if so many times their costs can be afforded.
     fn operators(&self, spectra: &Spectra<S>, share: f64, times: f64) -> Result<Built<S>, Error> {
-        let cut = share * self.tolerance * self.scale.size;
-        let rank = spectra.targets.rank(cut);
-        let [evaluations, multiply_adds] =
-            operator_costs(self.kernel, self.rule.len(), rank, spectra.reflected);
+        let cut = self.cut(share);
+        let [evaluations, multiply_adds] = self.costs(spectra, cut);
         self.kernel.afford(times * evaluations, times * multiply_adds)?;
         self.kernel.spend(multiply_adds)?;
         let target = Arc::new(spectra.targets.basis(cut, self.rule));

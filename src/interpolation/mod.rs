@@ -34,6 +34,7 @@ pub(crate) mod points;
 pub(crate) mod prepared;
 pub(crate) mod probe;
 pub(crate) mod ranges;
+pub(crate) mod reuse;
 pub(crate) mod rows;
 pub(crate) mod scale;
 pub(crate) mod scratch;

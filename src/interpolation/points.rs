@@ -14,6 +14,7 @@ use crate::interpolation::chebyshev::{derivatives_in_lanes, polynomials_in_lanes
 use crate::interpolation::lanes::{fuse, row};
 use crate::interpolation::rows::{add_rows, along_rows, multiply};
 use crate::interpolation::tuning::{MAX_ORDER, POINTS_TOGETHER, ROWS_TOGETHER};
+use crate::numbers::compiled::Compiled;
 use crate::numbers::lane::LANES;
 use crate::numbers::traits::{Real, Scalar};
 
@@ -32,11 +33,19 @@ pub(crate) struct Moments<'a, S: Scalar> {
     pub(crate) multipole: &'a mut [S],
 }
 
+/// [`Moments::add`].
+type AddMoments<S> = fn(Moments<'_, S>);
+static ADD_MOMENTS: Compiled<AddMoments<f32>, AddMoments<f64>> = Compiled(add_moments, add_moments);
+
+fn add_moments<S: Scalar>(moments: Moments<'_, S>) {
+    dispatch(moments);
+}
+
 impl<S: Scalar> Moments<'_, S> {
-    // Not inlined: compiled once, not for every kernel.
-    #[inline(never)]
     pub(crate) fn add(self) {
-        dispatch(self);
+        let add =
+            if const { S::COMPLEX } { add_moments } else { ADD_MOMENTS.of::<AddMoments<S>>() };
+        add(self);
     }
 }
 
@@ -73,11 +82,18 @@ pub(crate) struct Fields<'a, S: Scalar> {
     pub(crate) gradient: bool,
 }
 
+/// [`Fields::add`].
+type AddFields<S> = fn(Fields<'_, S>);
+static ADD_FIELDS: Compiled<AddFields<f32>, AddFields<f64>> = Compiled(add_fields, add_fields);
+
+fn add_fields<S: Scalar>(fields: Fields<'_, S>) {
+    dispatch(fields);
+}
+
 impl<S: Scalar> Fields<'_, S> {
-    // Not inlined: compiled once, not for every kernel.
-    #[inline(never)]
     pub(crate) fn add(self) {
-        dispatch(self);
+        let add = if const { S::COMPLEX } { add_fields } else { ADD_FIELDS.of::<AddFields<S>>() };
+        add(self);
     }
 }
 

@@ -9,24 +9,25 @@ use crate::expansion::admissibility::Admissibility;
 use crate::expansion::geometry::{Geometry, Level};
 use crate::expansion::weights::Weights;
 use crate::interpolation::accuracy::Accuracy;
-use crate::interpolation::budget::SAFE_SHARE;
 use crate::interpolation::carried::Carried;
 use crate::interpolation::entries::Entries;
 use crate::interpolation::everywhere::Everywhere;
 use crate::interpolation::kept::{Former, kept_unit};
-use crate::interpolation::known::{Identity, Key};
+use crate::interpolation::known::Identity;
 use crate::interpolation::left_out::leave_out;
 use crate::interpolation::level::LevelOperators;
 use crate::interpolation::means::INTERACTION_OFFSETS;
 use crate::interpolation::operators::{Operators, Sizes};
 use crate::interpolation::order::{Refusal, Restriction, smooth_share};
 use crate::interpolation::probe;
+use crate::interpolation::reuse;
 use crate::interpolation::scale::{Scale, Served, factor, level_weights, lighter};
 use crate::interpolation::store::OperatorStore;
 use crate::interpolation::transfer::Transfers;
 use crate::interpolation::tuning::{EXTENDED_BYTES, SAMPLED_REACH, SLOPE_ROUNDING, SMOOTH_SHARE};
 use crate::linalg::matrix::Matrix;
-use crate::numbers::traits::{Real, Scalar};
+use crate::numbers::compiled::Compiled;
+use crate::numbers::traits::{Numbers, Real, Scalar};
 use crate::parallel;
 
 /// Operators, as far as they can be prepared.
@@ -66,9 +67,32 @@ pub(crate) struct Shift<'a, S: Scalar> {
     pub(crate) signs: [&'a [S::Real]; 2],
 }
 
+/// [`Prepared::new`].
+type New<S> = fn(
+    (&OperatorStore, Identity),
+    &Entries<'_, S>,
+    Option<&Entries<'_, S>>,
+    Accuracy,
+    &Geometry<<S as Numbers>::Real>,
+    Option<&Prepared<S>>,
+) -> Result<(Prepared<S>, Admissibility), Error>;
+static NEW: Compiled<New<f32>, New<f64>> = Compiled(Prepared::compiled, Prepared::compiled);
+
 impl<S: Scalar> Prepared<S> {
     /// For the pairs of cells that are carried so far; or which of them can be, if those are fewer.
     pub(crate) fn new(
+        stored: (&OperatorStore, Identity),
+        kernel: &Entries<'_, S>,
+        slopes: Option<&Entries<'_, S>>,
+        accuracy: Accuracy,
+        geometry: &Geometry<S::Real>,
+        former: Option<&Self>,
+    ) -> Result<(Self, Admissibility), Error> {
+        let new = if const { S::COMPLEX } { Self::compiled } else { NEW.of::<New<S>>() };
+        new(stored, kernel, slopes, accuracy, geometry, former)
+    }
+
+    fn compiled(
         (store, identity): (&OperatorStore, Identity),
         kernel: &Entries<'_, S>,
         slopes: Option<&Entries<'_, S>>,
@@ -209,7 +233,9 @@ impl<S: Scalar> Invariant<S> {
             }
         }
         let stored = (store, identity);
-        let (operators, built) = operators(stored, kernel, slopes, accuracy, &mut sizes, former)?;
+        let kept = former.map(|own| Former { operators: &own.operators, sizes: &own.sizes });
+        let (operators, built) =
+            reuse::operators(stored, kernel, slopes, accuracy, &mut sizes, kept)?;
         let first_level = geometry.levels.first().map_or(0, |level| level.level);
         let extended = operators.levels.iter().map(|_| None).collect();
         // The tolerance is divided among levels of their own.
@@ -324,56 +350,6 @@ impl<S: Scalar> Invariant<S> {
     fn index(&self, level: usize) -> usize {
         level.saturating_sub(self.first_level).min(self.operators.levels.len() - 1)
     }
-}
-
-/// Former operators that still serve, or stored ones, or new ones; and for how many levels they were built.
-fn operators<S: Scalar>(
-    (store, identity): (&OperatorStore, Identity),
-    kernel: &Entries<'_, S>,
-    slopes: Option<&Entries<'_, S>>,
-    accuracy: Accuracy,
-    sizes: &mut Sizes<S::Real>,
-    former: Option<&Invariant<S>>,
-) -> Result<(Arc<Operators<S>>, usize), Refusal> {
-    let levels = sizes.half_widths.len() as f64;
-    let most = match accuracy {
-        Accuracy::Tolerance(tolerance) => SAFE_SHARE * tolerance / levels.sqrt(),
-        Accuracy::Order(_) => f64::INFINITY,
-    };
-    let mut as_kept = sizes.clone();
-    let kept = former.map(|invariant| {
-        let former = Former { operators: &invariant.operators, sizes: &invariant.sizes };
-        let kept = former.keep(kernel, slopes.is_some(), most, &mut as_kept);
-        (former.whole(&kept), kept)
-    });
-    if let Some((Some(operators), _)) = &kept {
-        *sizes = as_kept;
-        return Ok((Arc::clone(operators), 0));
-    }
-    let key = Key::new(identity, kernel, slopes.is_some(), accuracy, sizes);
-    for (operators, known) in store.candidates::<S>(&key) {
-        if known.is_none_or(|known| operators.digest(kernel, slopes, sizes) == known) {
-            return Ok((operators, 0));
-        }
-    }
-    let kept = kept.map(|(_, kept)| kept).filter(|kept| {
-        matches!(accuracy, Accuracy::Tolerance(_)) && kept.missing() < kept.levels.len()
-    });
-    if let Some(kept) = kept {
-        // If they don't go together with what is new, all are.
-        if let Ok((all, _)) = Operators::new(kernel, slopes, accuracy, &as_kept, Some(&kept), false)
-        {
-            *sizes = as_kept;
-            return Ok((Arc::new(all), kept.missing()));
-        }
-    }
-    let digested = store.needs_digest(&key);
-    let (operators, digest) = Operators::new(kernel, slopes, accuracy, sizes, None, digested)?;
-    let digest = digested.then(|| operators.digest_from(digest, kernel, slopes, sizes));
-    let operators = Arc::new(operators);
-    store.remember(key, Arc::clone(&operators), digest);
-    let built = operators.levels.len();
-    Ok((operators, built))
 }
 
 /// What rounding leaves of derivatives: a value that comes from coarser levels is rounded, and differs by little

@@ -9,6 +9,7 @@ use crate::interpolation::scratch::{Move, Shifted};
 use crate::interpolation::tuning::SHIFTED_TOGETHER;
 use crate::kernel::traits::Kernel;
 use crate::linalg::matrix::Matrix;
+use crate::numbers::compiled::Compiled;
 use crate::numbers::traits::Scalar;
 use crate::octree::geometry::Cell;
 use crate::parallel;
@@ -106,10 +107,29 @@ impl<K: Kernel> Interpolation<K> {
     }
 }
 
+/// [`Invariant::add_shifts`].
+type AddShifts<S> = fn(&Invariant<S>, usize, bool, [usize; 2], &[S], &mut [S], &mut Shifted<S>);
+static ADD_SHIFTS: Compiled<AddShifts<f32>, AddShifts<f64>> =
+    Compiled(Invariant::compiled, Invariant::compiled);
+
 impl<S: Scalar> Invariant<S> {
     /// M2M, or L2L if `down`, between cells of `level` and the next: all of `shifted.moves`, for cells
     /// with `lens` terms.
     pub(crate) fn add_shifts(
+        &self,
+        level: usize,
+        down: bool,
+        lens: [usize; 2],
+        from: &[S],
+        to: &mut [S],
+        shifted: &mut Shifted<S>,
+    ) {
+        let add =
+            if const { S::COMPLEX } { Self::compiled } else { ADD_SHIFTS.of::<AddShifts<S>>() };
+        add(self, level, down, lens, from, to, shifted);
+    }
+
+    fn compiled(
         &self,
         level: usize,
         down: bool,

@@ -1,6 +1,6 @@
 //! M2L between bases, direction by direction, for many pairs of cells at once.
 
-use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
 
 use num_traits::Float;
 use rayon::prelude::*;
@@ -14,7 +14,8 @@ use crate::interpolation::exchange::{Coordinates, Exchange, Pair};
 use crate::interpolation::numbering::Numbering;
 use crate::interpolation::probe::power_of_two;
 use crate::interpolation::tuning::{EXCHANGE_BLOCK, SWEEP_CHUNK, TASK_BYTES};
-use crate::numbers::traits::{Real, Scalar};
+use crate::numbers::compiled::Compiled;
+use crate::numbers::traits::{Numbers, Real, Scalar};
 use crate::parallel;
 use crate::parallel::pool::Pool;
 
@@ -50,6 +51,19 @@ struct Buffers<S: Scalar> {
     full: Exchange<S>,
     single: Exchange<S::Single>,
 }
+
+/// [`Transfers::add_level`].
+type AddLevel<S> = fn(
+    &Transfers<S>,
+    &LevelPairs<'_, <S as Numbers>::Real>,
+    <S as Numbers>::Real,
+    usize,
+    &[S],
+    &mut [S],
+    &(dyn Fn(usize, usize, &mut [S]) + Sync),
+);
+static ADD_LEVEL: Compiled<AddLevel<f32>, AddLevel<f64>> =
+    Compiled(Transfers::compiled, Transfers::compiled);
 
 impl<S: Scalar> Transfers<S> {
     /// Operators for the given offsets.
@@ -89,6 +103,19 @@ impl<S: Scalar> Transfers<S> {
     /// l_t += s Σ_s C m_s for all pairs of one level; pairs whose offset is not known go to `other`,
     /// as source, target and the target's terms.
     pub(crate) fn add_level(
+        &self,
+        pairs: &LevelPairs<'_, S::Real>,
+        scale: S::Real,
+        columns: usize,
+        multipoles: &[S],
+        locals: &mut [S],
+        other: &(dyn Fn(usize, usize, &mut [S]) + Sync),
+    ) {
+        let add = if const { S::COMPLEX } { Self::compiled } else { ADD_LEVEL.of::<AddLevel<S>>() };
+        add(self, pairs, scale, columns, multipoles, locals, other);
+    }
+
+    fn compiled(
         &self,
         pairs: &LevelPairs<'_, S::Real>,
         scale: S::Real,
@@ -273,15 +300,15 @@ impl<S: Scalar> Transfers<S> {
 
 /// The largest part of these numbers.
 fn largest<S: Scalar>(numbers: &[S]) -> S::Real {
-    let zero = S::Real::from_f64(0.0);
-    let chunks = parallel::map(numbers.len().div_ceil(SWEEP_CHUNK), &|chunk| {
-        let parts = numbers[SWEEP_CHUNK * chunk..]
-            .iter()
-            .take(SWEEP_CHUNK)
-            .flat_map(|number| number.parts());
-        parts.fold(zero, |largest, part| Float::max(largest, part.abs()))
+    // Numbers without a sign are in the order of their bits.
+    let largest = AtomicU64::new(0);
+    parallel::for_each(numbers.len().div_ceil(SWEEP_CHUNK), &|chunk| {
+        let numbers = numbers[SWEEP_CHUNK * chunk..].iter().take(SWEEP_CHUNK);
+        let parts = numbers.flat_map(|number| number.parts());
+        let own = parts.fold(0.0, |largest, part| f64::max(largest, part.as_f64().abs()));
+        largest.fetch_max(own.to_bits(), Relaxed);
     });
-    chunks.into_iter().fold(zero, Float::max)
+    S::Real::from_f64(f64::from_bits(largest.into_inner()))
 }
 
 #[cfg(test)]

@@ -54,10 +54,12 @@ impl<S: Dense> Batched<S> {
     }
 }
 
-/// Products in the type itself; factorisations, which are set-up, in its double precision.
+/// Products in the type itself; factorisations, which are set-up, in its double precision. Those of complex numbers
+/// are compiled where they are used (`inline`), which is seldom.
 macro_rules! dense {
-    ($t:ty, $zero:expr, $one:expr, $widen:expr, $narrow:expr) => {
+    ($(#[$compiled:meta])? $t:ty, $zero:expr, $one:expr, $widen:expr, $narrow:expr) => {
         impl Dense for $t {
+            $(#[$compiled])?
             fn product(a: &Matrix<Self>, b: &[Self], add: bool, c: &mut [Self]) {
                 if a.rows == 0 || a.columns == 0 {
                     if !add {
@@ -72,6 +74,7 @@ macro_rules! dense {
                 leaving_registers_clean(|| matmul(c, accum, view(a), b, $one, Par::Seq));
             }
 
+            $(#[$compiled])?
             fn products(
                 matrix: &Batched<Self>,
                 places: &[[usize; 2]],
@@ -82,6 +85,7 @@ macro_rules! dense {
                 dispatch(Products { matrix, places, add, from, to });
             }
 
+            $(#[$compiled])?
             fn svd(a: &Matrix<Self>) -> Option<Svd<Self>> {
                 let a = a.map($widen);
                 let svd = leaving_registers_clean(|| view(&a).thin_svd()).ok()?;
@@ -89,6 +93,7 @@ macro_rules! dense {
                 Some(Svd { u: owned(svd.U()).map($narrow), sigma: sigma.collect() })
             }
 
+            $(#[$compiled])?
             fn pivoted_qr(a: &Matrix<Self>) -> (Matrix<Self>, Matrix<Self>, Vec<usize>) {
                 let a = a.map($widen);
                 let (q, qr) = leaving_registers_clean(|| {
@@ -100,6 +105,7 @@ macro_rules! dense {
                 (q.map($narrow), r.map($narrow), order.to_vec())
             }
 
+            $(#[$compiled])?
             fn least_squares(a: &Matrix<Self>, b: &Matrix<Self>) -> Matrix<Self> {
                 let (a, b) = (a.map($widen), b.map($widen));
                 let x = leaving_registers_clean(|| view(&a).col_piv_qr().solve_lstsq(view(&b)));
@@ -111,8 +117,9 @@ macro_rules! dense {
 
 dense!(f64, 0.0, 1.0, |x| x, |x| x);
 dense!(f32, 0.0, 1.0, f64::from, |x| x as f32);
-dense!(Complex<f64>, Complex::ZERO, Complex::ONE, |x| x, |x| x);
+dense!(#[inline] Complex<f64>, Complex::ZERO, Complex::ONE, |x| x, |x| x);
 dense!(
+    #[inline]
     Complex<f32>,
     Complex::ZERO,
     Complex::ONE,

@@ -1,6 +1,7 @@
 //! Numbers and points: the precisions, what charges and terms can do, random numbers, exact sums.
 
 pub(crate) mod bits;
+pub(crate) mod compiled;
 pub(crate) mod counted;
 pub(crate) mod double_word;
 pub(crate) mod dual;

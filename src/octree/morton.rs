@@ -1,6 +1,8 @@
 //! Morton order: keys that interleave three coordinates, and a parallel radix sort by them.
 
-use rayon::prelude::*;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+use crate::parallel;
 
 /// The key of a point with the point's index.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -11,6 +13,11 @@ pub(crate) struct Keyed {
 
 /// Levels of the octree that one key tells apart: as many bits of each coordinate as fit.
 pub(crate) const KEY_LEVELS: usize = 21;
+
+/// As many points with the keys that `key` gives them. O(N).
+pub(crate) fn keyed(count: usize, key: &(dyn Fn(u32) -> u64 + Sync)) -> Vec<Keyed> {
+    parallel::map_many(count, &|i| Keyed { key: key(i as u32), index: i as u32 })
+}
 
 /// Interleaves the lowest [`KEY_LEVELS`] bits of three coordinates; x takes the lowest bit of each triple.
 pub(crate) fn morton_key([x, y, z]: [u64; 3]) -> u64 {
@@ -38,10 +45,12 @@ pub(crate) fn sort(items: &mut [Keyed], scratch: &mut [Keyed], leaf_size: usize)
         return;
     }
     let sizes = digit.distribute_parallel(items, scratch);
-    split(items, &sizes)
-        .into_par_iter()
-        .zip(split(scratch, &sizes))
-        .for_each(|(items, scratch)| sort(items, scratch, leaf_size));
+    let mut octants: Vec<_> =
+        split(items, &sizes).into_iter().zip(split(scratch, &sizes)).collect();
+    parallel::for_each_piece(&mut octants, 1, &|_, octant| {
+        let (items, scratch) = &mut octant[0];
+        sort(items, scratch, leaf_size);
+    });
 }
 
 /// So few items are sorted by comparison.
@@ -65,11 +74,13 @@ impl Digit {
     /// remain; none if all keys are equal.
     fn leading(items: &[Keyed], leaf_size: usize) -> Option<Self> {
         let first = items[0].key;
-        let differing = items
-            .par_iter()
-            .with_min_len(CHUNK)
-            .map(|item| item.key ^ first)
-            .reduce(|| 0, |a, b| a | b);
+        let differing = AtomicU64::new(0);
+        parallel::for_each(items.len().div_ceil(CHUNK), &|chunk| {
+            let items = items[CHUNK * chunk..].iter().take(CHUNK);
+            let own = items.fold(0, |differing, item| differing | (item.key ^ first));
+            differing.fetch_or(own, Relaxed);
+        });
+        let differing = differing.into_inner();
         let levels = (u64::BITS - differing.leading_zeros()).div_ceil(3);
         let wanted = (items.len() / leaf_size.max(1)).ilog2() / 3;
         let taken = wanted.clamp(1, DIGIT_LEVELS).min(levels);
@@ -97,17 +108,21 @@ impl Digit {
 
     /// Sorts `items` by the digit: chunk by chunk into `scratch`, then value by value back.
     fn distribute_parallel(self, items: &mut [Keyed], scratch: &mut [Keyed]) -> Vec<usize> {
-        let chunk_sizes: Vec<Vec<usize>> = items
-            .par_chunks(CHUNK)
-            .zip(scratch.par_chunks_mut(CHUNK))
-            .map(|(from, to)| self.distribute(from, to))
-            .collect();
+        let mut chunk_sizes = vec![Vec::new(); items.len().div_ceil(CHUNK)];
+        let mut chunks: Vec<_> =
+            scratch.chunks_mut(CHUNK).zip(items.chunks(CHUNK)).zip(&mut chunk_sizes).collect();
+        parallel::for_each_piece(&mut chunks, 1, &|_, chunk| {
+            let ((to, from), sizes) = &mut chunk[0];
+            **sizes = self.distribute(from, to);
+        });
         let chunk_starts: Vec<Vec<usize>> = chunk_sizes.iter().map(|sizes| starts(sizes)).collect();
         let mut sizes = vec![0; 1 << self.bits];
         for chunk in &chunk_sizes {
             sizes.iter_mut().zip(chunk).for_each(|(sum, size)| *sum += size);
         }
-        split(items, &sizes).into_par_iter().enumerate().for_each(|(value, mut to)| {
+        let mut places = split(items, &sizes);
+        parallel::for_each_piece(&mut places, 1, &|value, place| {
+            let mut to = &mut *place[0];
             for (chunk, from) in scratch.chunks(CHUNK).enumerate() {
                 let size = chunk_sizes[chunk][value];
                 let (head, tail) = to.split_at_mut(size);

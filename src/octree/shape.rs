@@ -4,10 +4,9 @@
 use std::ops::Range;
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
-use rayon::prelude::*;
-
 use crate::octree::geometry::MAX_LEVEL;
 use crate::octree::morton::{KEY_LEVELS, Keyed, morton_key, sort};
+use crate::parallel;
 
 /// The cells of an octree, level by level, in Morton order within a level; each holds the points
 /// `order[first..last]`. No cell is empty.
@@ -130,7 +129,11 @@ impl Shape {
             while shape.split_last_level(&mut sorted, &division) {}
             shape.collect_leaves();
         }
-        shape.order = sorted.par_iter().map(|item| item.index).collect();
+        shape.order = vec![0; sorted.len()];
+        parallel::for_each_piece(&mut shape.order, CHUNK, &|chunk, order| {
+            let sorted = sorted[CHUNK * chunk..].iter();
+            order.iter_mut().zip(sorted).for_each(|(index, item)| *index = item.index);
+        });
         shape
     }
 
@@ -211,9 +214,13 @@ impl Shape {
     /// The place in tree order of each of the caller's points: the inverse of `order`.
     pub(crate) fn ranks(&self) -> Vec<u32> {
         // Atomic stores let all threads write to scattered places.
-        let ranks: Vec<AtomicU32> = self.order.par_iter().map(|_| AtomicU32::new(0)).collect();
-        let set = |(rank, &i): (usize, &u32)| ranks[i as usize].store(rank as u32, Relaxed);
-        self.order.par_iter().enumerate().for_each(set);
+        let ranks: Vec<AtomicU32> = self.order.iter().map(|_| AtomicU32::new(0)).collect();
+        parallel::for_each(self.order.len().div_ceil(CHUNK), &|chunk| {
+            let first = CHUNK * chunk;
+            for (rank, &i) in self.order[first..].iter().take(CHUNK).enumerate() {
+                ranks[i as usize].store((first + rank) as u32, Relaxed);
+            }
+        });
         ranks.into_iter().map(AtomicU32::into_inner).collect()
     }
 
@@ -236,17 +243,15 @@ impl Shape {
             }
         }
         let (sorted, shift) = (&*sorted, 3 * (KEY_LEVELS - 1 - digit) as u32);
-        let octant_ends: Vec<Option<[u32; 8]>> = self.nodes[parents.clone()]
-            .par_iter()
-            .map(|node| {
-                let points = &sorted[node.points()];
-                let splits = points.len() > division.leaf_size
-                    && (points[0].key != points[points.len() - 1].key
-                        || self.is_only_child(node)
-                        || division.differ_below(points, key));
-                splits.then(|| octant_ends(points, node.first, shift))
-            })
-            .collect();
+        let octant_ends = parallel::map(parents.len(), &|parent| {
+            let node = &self.nodes[parents.start + parent];
+            let points = &sorted[node.points()];
+            let splits = points.len() > division.leaf_size
+                && (points[0].key != points[points.len() - 1].key
+                    || self.is_only_child(node)
+                    || division.differ_below(points, key));
+            splits.then(|| octant_ends(points, node.first, shift))
+        });
         let before = self.nodes.len();
         for (p, ends) in parents.zip(octant_ends) {
             let Some(ends) = ends else { continue };
@@ -295,15 +300,16 @@ struct Division<'a> {
 impl Division<'_> {
     /// Sorts points by the keys that they have.
     fn sort(&self, points: &mut [Keyed]) {
-        let mut scratch: Vec<Keyed> = points.par_iter().map(|_| Keyed::default()).collect();
+        let mut scratch = vec![Keyed::default(); points.len()];
         sort(points, &mut scratch, self.leaf_size);
     }
 
     /// Sorts the points of a cell by their n-th keys, if there are too many of them.
     fn key_anew(&self, points: &mut [Keyed], n: usize) {
         if points.len() > self.leaf_size {
-            let items = points.par_iter_mut().with_min_len(CHUNK);
-            items.for_each(|item| item.key = key(n, (self.places)(item.index)));
+            parallel::for_each_piece(points, CHUNK, &|_, points| {
+                points.iter_mut().for_each(|item| item.key = key(n, (self.places)(item.index)));
+            });
             self.sort(points);
         }
     }
@@ -318,7 +324,9 @@ impl Division<'_> {
 /// Whether not all items are at the place of the first.
 fn differ<V: Sync>(items: &[V], place: impl Fn(&V) -> [u64; 3] + Sync) -> bool {
     let first = place(&items[0]);
-    items.par_iter().with_min_len(CHUNK).any(|item| place(item) != first)
+    !parallel::all(items.len().div_ceil(CHUNK), &|chunk| {
+        items[CHUNK * chunk..].iter().take(CHUNK).all(|item| place(item) == first)
+    })
 }
 
 /// Where each octant of a cell ends that holds `points`, the first of which has the tree position

@@ -3,7 +3,7 @@
 use crate::error::Error;
 use crate::numbers::traits::{Located, Real};
 use crate::octree::geometry::{Cell, Cube, MAX_LEVEL};
-use crate::octree::morton::{KEY_LEVELS, Keyed, morton_key};
+use crate::octree::morton::{KEY_LEVELS, keyed, morton_key};
 use crate::octree::shape::{Given, Places, Shape, key};
 use crate::parallel;
 use crate::parallel::watch::Watch;
@@ -33,21 +33,16 @@ impl<T: Real> Tree<T> {
             &|i| root.locate(position(i as usize)).map(|c| c << (MAX_LEVEL - KEY_LEVELS));
         let exact: Places<'_> = &|i| root.locate_exactly(position(i as usize));
         let mut places = rounded;
-        let keyed = parallel::map(points.len(), &|i| {
-            let key = morton_key(root.locate(position(i)));
-            Keyed { key, index: i as u32 }
-        });
+        let first = |i| morton_key(root.locate(position(i as usize)));
+        let points_keyed = keyed(points.len(), &first);
         watch.check()?;
-        let mut shape = Shape::new(keyed, places, leaf_size, KEY_LEVELS);
+        let mut shape = Shape::new(points_keyed, places, leaf_size, KEY_LEVELS);
         watch.check()?;
         // Few clouds need digits beyond the first key, and those that do need all of them right.
         if shape.can_be_divided(exact, leaf_size) {
             places = exact;
-            let keyed = parallel::map(points.len(), &|i| {
-                let index = i as u32;
-                Keyed { key: key(0, exact(index)), index }
-            });
-            shape = Shape::new(keyed, places, leaf_size, root.deepest_level());
+            let points_keyed = keyed(points.len(), &|i| key(0, exact(i)));
+            shape = Shape::new(points_keyed, places, leaf_size, root.deepest_level());
         }
         watch.check()?;
         let cells = parallel::map(shape.nodes.len(), &|c| {

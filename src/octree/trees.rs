@@ -74,5 +74,5 @@ impl<S: Located, X: Located<Real = S::Real>> Trees<S, X> {
 
 fn in_tree_order<P: Located>(points: &[P], tree: &Tree<P::Real>) -> Vec<P> {
     let order = &tree.shape.order;
-    parallel::map(order.len(), &|rank| points[order[rank] as usize].clone())
+    parallel::map_many(order.len(), &|rank| points[order[rank] as usize].clone())
 }

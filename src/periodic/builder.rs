@@ -113,7 +113,7 @@ impl<K: Kernel<Source: Movable>> PeriodicBuilder<'_, K> {
         if found > limit {
             return Err(Error::TooManyPoints { set: PointSet::Sources, limit, found });
         }
-        let all = parallel::map(found, &|i| {
+        let all = parallel::map_many(found, &|i| {
             let place = places[i / sources.len()].map(K::Real::from_f64);
             sources[i % sources.len()].moved_by(Point::<K::Real>::from_array(place))
         });
@@ -144,7 +144,7 @@ impl<K: Kernel> Periodic<K> {
             return Err(Error::LengthMismatch { what: "charges", expected, found });
         }
         let of_image = |i: usize| charges[i % found].clone();
-        let repeated = parallel::map(found * self.images, &of_image);
+        let repeated = parallel::map_many(found * self.images, &of_image);
         // What is wrong with a charge is wrong with the first of its images.
         self.near.check_charges(&repeated)?;
         self.check_neutral(charges)?;

@@ -243,7 +243,8 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
             let pairs = trees.sources.len() as f64 * trees.targets.len() as f64;
             let pair_seconds = self.seconds_of_a_pair(&trees.sources, &trees.targets);
             let direct_seconds = pairs * pair_seconds;
-            let most_seconds = self.choices.worth(estimate.as_ref(), direct_seconds);
+            let most_seconds =
+                self.choices.worth(estimate.as_ref(), direct_seconds, admissibility.is_whole());
             let mut geometry = Geometry {
                 most_seconds,
                 most_apply_seconds: self

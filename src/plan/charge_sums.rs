@@ -4,6 +4,9 @@ use crate::numbers::traits::{Numbers, l2_norm};
 use crate::octree::shape::Shape;
 use crate::parallel;
 
+/// Charges whose sizes are found one after the other.
+const PIECE: usize = 1024;
+
 /// Sizes of charges, and for each cell Σ |q| and (Σ |q|²)^½.
 pub(crate) struct ChargeSums {
     /// In tree order, relative to the largest.
@@ -15,7 +18,11 @@ impl ChargeSums {
     /// The sums of charges that are given in the caller's order; none if all are zero. O(N).
     pub(crate) fn new<Q: Numbers>(charges: &[Q], shape: &Shape) -> Option<Self> {
         let order = &shape.order;
-        let sizes: Vec<f64> = parallel::map(order.len(), &|i| charges[order[i] as usize].norm());
+        let mut sizes = vec![0.0; order.len()];
+        parallel::for_each_piece(&mut sizes, PIECE, &|piece, sizes| {
+            let order = order[PIECE * piece..].iter();
+            sizes.iter_mut().zip(order).for_each(|(size, &i)| *size = charges[i as usize].norm());
+        });
         let largest = sizes.iter().fold(0.0, |a: f64, &b| a.max(b));
         if largest == 0.0 {
             return None;

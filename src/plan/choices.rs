@@ -68,8 +68,14 @@ impl Choices<'_> {
         }
     }
 
-    /// Seconds of one core that the operators are worth, if direct sums take `direct_seconds`.
-    pub(crate) fn worth(&self, estimate: Option<&Estimate>, direct_seconds: f64) -> f64 {
+    /// Seconds of one core that the operators are worth, if direct sums take `direct_seconds`. Where an expansion
+    /// carries only some pairs of cells, it shows late whether it is of use: no more is ventured than may be lost.
+    pub(crate) fn worth(
+        &self,
+        estimate: Option<&Estimate>,
+        direct_seconds: f64,
+        carries_all: bool,
+    ) -> f64 {
         if self.masked {
             return f64::INFINITY;
         }
@@ -79,6 +85,8 @@ impl Choices<'_> {
         // What direct sums would take, but for what the applications do.
         let apply_seconds = estimate.apply_seconds() * rayon::current_num_threads() as f64;
         let saved = (BARGAIN * direct_seconds - apply_seconds).max(0.0);
+        let ventured = (BARGAIN - 1.0) * direct_seconds;
+        let saved = if carries_all { saved } else { saved.min(ventured) };
         self.applications as f64 * saved + SET_UP_SECONDS
     }
 

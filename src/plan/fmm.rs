@@ -189,13 +189,10 @@ pub(crate) fn check_values<V: Numbers>(values: &[V]) -> Result<(), Error> {
 
 /// Index of the first value that is not finite. O(N).
 fn first_not_finite<V: Numbers>(values: &[V]) -> Option<usize> {
-    let chunks = values.len().div_ceil(CHECK_CHUNK);
-    let found = parallel::map(chunks, &|chunk| {
-        let start = CHECK_CHUNK * chunk;
-        let mut values = values[start..].iter().take(CHECK_CHUNK);
-        values.position(|v| !v.is_finite()).map(|i| start + i)
+    let all_finite = parallel::all(values.len().div_ceil(CHECK_CHUNK), &|chunk| {
+        values[CHECK_CHUNK * chunk..].iter().take(CHECK_CHUNK).all(Numbers::is_finite)
     });
-    found.into_iter().flatten().next()
+    if all_finite { None } else { values.iter().position(|value| !value.is_finite()) }
 }
 
 impl<E: Expansion> fmt::Debug for Fmm<E> {

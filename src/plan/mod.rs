@@ -30,8 +30,6 @@ use std::fmt;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use rayon::prelude::*;
-
 use crate::expansion::geometry::Level;
 use crate::expansion::{ChargeOf, Expansion, RealOf, SourceOf, TargetOf, ValueOf};
 use crate::interaction::lists::{ListCosts, Lists};
@@ -213,7 +211,7 @@ pub(crate) fn levels<T: Real>(
     let groups = 0..target_tree.cells.len();
     let receives = |&t: &usize| lists.has_m2l(t) || !lists.p2l.of(t).is_empty();
     let local = groups.into_iter().find(receives).map(|t| target_tree.shape.nodes[t].level());
-    let m2p = lists.m2p.items.par_iter().min();
+    let m2p = lists.m2p.items.iter().min();
     let multipole = m2p.map(|&s| source_tree.shape.nodes[s as usize].level());
     let Some(coarsest) = local.into_iter().chain(multipole).min() else { return Vec::new() };
     let finest = source_tree.shape.levels().max(target_tree.shape.levels());

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use farfield_radiosity::{Element, Occluders};
-use glam::{DVec3, I64Vec3};
+use glam::DVec3;
 use rayon::prelude::*;
 
 /// The cosine of the angle up to which the normals of two elements count as those of one curved
@@ -105,10 +105,10 @@ fn places(corners: &[Corner]) -> Vec<Vec<usize>> {
             [low.min(c.position), high.max(c.position)]
         });
     let tolerance = (WELD * (high - low).max_element()).max(f64::MIN_POSITIVE);
-    let mut numbers: HashMap<I64Vec3, usize> = HashMap::new();
+    let mut numbers: HashMap<[i64; 3], usize> = HashMap::new();
     let mut places: Vec<Vec<usize>> = Vec::new();
     for (index, corner) in corners.iter().enumerate() {
-        let key = ((corner.position - low) / tolerance).round().as_i64vec3();
+        let key = ((corner.position - low) / tolerance).round().to_array().map(|c| c as i64);
         let number = *numbers.entry(key).or_insert(places.len());
         if number == places.len() {
             places.push(Vec::new());
