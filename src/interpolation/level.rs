@@ -58,24 +58,25 @@ pub(crate) struct Built<S: Scalar> {
 /// # Errors
 /// What can't be afforded.
 pub(crate) fn build_levels<S: Scalar>(requests: &[Request<'_, S>]) -> Result<Vec<Built<S>>, Error> {
-    let spectra = parallel::map(requests.len(), &|k| requests[k].spectra().map(Some));
-    let spectra: Vec<Option<Spectra<S>>> = spectra.into_iter().collect::<Result<_, _>>()?;
+    let spectra = parallel::map(requests.len(), &|k| requests[k].spectra());
+    let spectra: Vec<Spectra<S>> = spectra.into_iter().collect::<Result<_, _>>()?;
     // What all levels take is known before any is built.
     let mut needed = [0.0; 2];
-    for (request, spectra) in requests.iter().zip(spectra.iter().flatten()) {
+    for (request, spectra) in requests.iter().zip(&spectra) {
         let costs = request.costs(spectra, request.cut(request.first_share(spectra)));
         needed = [0, 1].map(|k| needed[k] + FORETOLD_ATTEMPTS * costs[k]);
     }
     if let Some(request) = requests.first() {
         request.kernel.afford(needed[0], needed[1])?;
     }
-    let mut first: Vec<_> = spectra.into_iter().map(|spectra| (spectra, None)).collect();
-    parallel::for_each_piece(&mut first, 1, &|k, level| {
-        let (spectra, attempt) = &mut level[0];
-        *attempt = spectra.take().map(|spectra| Attempt::first(&requests[k], spectra));
+    let first = parallel::map(requests.len(), &|k| {
+        let (request, spectra) = (&requests[k], &spectra[k]);
+        request.operators(spectra, request.first_share(spectra), FORETOLD_ATTEMPTS)
     });
-    let first = first.into_iter().filter_map(|(_, attempt)| attempt);
-    let mut attempts: Vec<Attempt<'_, S>> = first.collect::<Result<_, _>>()?;
+    let first = requests.iter().zip(spectra).zip(first);
+    let first =
+        first.map(|((request, spectra), built)| Ok(Attempt::first(request, spectra, built?)));
+    let mut attempts: Vec<Attempt<'_, S>> = first.collect::<Result<_, Error>>()?;
     let accepted: f64 = requests.iter().map(|request| request.accepted_error().powi(2)).sum();
     for _ in 1..ATTEMPTS {
         let squares = attempts.iter().map(|attempt| attempt.built.operators.error.powi(2));
@@ -106,11 +107,10 @@ struct Attempt<'a, S: Scalar> {
 }
 
 impl<'a, S: Scalar> Attempt<'a, S> {
-    fn first(request: &'a Request<'a, S>, spectra: Spectra<S>) -> Result<Self, Error> {
+    fn first(request: &'a Request<'a, S>, spectra: Spectra<S>, built: Built<S>) -> Self {
         let share = request.first_share(&spectra);
-        let built = request.operators(&spectra, share, FORETOLD_ATTEMPTS)?;
         let spectra = (built.operators.error > request.accepted_error()).then_some(spectra);
-        Ok(Self { request, spectra, share, built })
+        Self { request, spectra, share, built }
     }
 
     /// A smaller share and what comes of it; none if the level's own error is accepted.

@@ -122,3 +122,31 @@ impl Choices<'_> {
         within_reach && !self.masked
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Fmm, from_fn};
+    use glam::DVec3;
+
+    #[test]
+    fn no_more_is_ventured_than_may_be_lost() {
+        let points = [DVec3::ZERO, DVec3::X];
+        let kernel = from_fn(|x: DVec3, y: DVec3| x.distance(y));
+        let estimate = Fmm::builder(kernel).estimate(&points, &points).unwrap();
+        let estimate = Estimate { near_seconds: 0.1, far_seconds: 0.0, ..estimate };
+        let worth = |choices: &Choices<'_>, carries_all| {
+            choices.worth(Some(&estimate), 10.0, carries_all) - SET_UP_SECONDS
+        };
+        let once = Choices::default();
+        let saved = BARGAIN * 10.0 - 0.1 * rayon::current_num_threads() as f64;
+        assert!((worth(&once, true) - saved).abs() < 1e-9);
+        let lost = (BARGAIN - 1.0) * 10.0;
+        assert!((worth(&once, false) - lost).abs() < 1e-9);
+        let often = Choices { applications: 7, ..Choices::default() };
+        assert!((worth(&often, false) - 7.0 * lost).abs() < 1e-9);
+        // What is asked for is tried.
+        let asked = Choices { scheme: Some(Scheme::Fmm), ..Choices::default() };
+        assert!(worth(&asked, false) > ASKED_SECONDS - 1.0);
+    }
+}
