@@ -136,3 +136,59 @@ impl ListSample {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::expansion::admissibility::Admissibility;
+    use crate::interaction::cell_mask::{Answer, CellMask};
+    use crate::interaction::traversal::Far;
+    use crate::kernel::mask::Coverage;
+    use crate::octree::geometry::Cube;
+    use crate::octree::tree::Tree;
+    use crate::parallel::watch::Watch;
+    use glam::DVec3;
+
+    struct Everything;
+
+    impl CellMask for Everything {
+        fn cells(&self, _target: u32, _source: u32) -> Coverage {
+            Coverage::Full
+        }
+        fn pairs(&self, _target: u32, _source: u32) -> Answer {
+            Answer::Full
+        }
+        fn is_mirrored(&self) -> bool {
+            true
+        }
+    }
+
+    #[test]
+    fn a_sample_of_all_cells_is_what_the_lists_hold() {
+        // On a curve, so that no level has more cells than are looked at.
+        let point = |i: usize| DVec3::new(0.9, 0.3, 0.1) * (i as f64 / 30.0 - 1.0);
+        let points: Vec<DVec3> = (0..60).map(point).collect();
+        let (root, watch) = (Cube::new(DVec3::ZERO, 1.0), Watch::default());
+        let tree = Tree::new(&root, &points, 3, &watch).unwrap();
+        let admissibility = Admissibility::default();
+        let traversal = Traversal {
+            targets: &tree,
+            sources: &tree,
+            mask: &Everything,
+            far: Far::Whole,
+            admissibility: &admissibility,
+            watch: &watch,
+        };
+        let (levels, share) = traversal.sample_lists(0);
+        let shape = &tree.shape;
+        assert!(shape.levels() > 4 && share == 1.0, "{} levels, {share}", shape.levels());
+        let lists = traversal.unmasked();
+        for (level, sample) in levels.iter().enumerate() {
+            let count =
+                |of: &dyn Fn(usize) -> usize| shape.level(level).map(of).sum::<usize>() as f64;
+            assert_eq!(sample.m2l, count(&|t| lists.m2l.of(t).len()));
+            assert_eq!(sample.m2p_p2l, count(&|t| lists.m2p.of(t).len() + lists.p2l.of(t).len()));
+            assert_eq!(sample.runs, count(&|t| lists.near.of(t).len()));
+        }
+    }
+}
