@@ -23,6 +23,23 @@ pub(crate) trait CellMask: Sync {
     fn is_mirrored(&self) -> bool;
 }
 
+/// No mask.
+pub(crate) struct Everything;
+
+impl CellMask for Everything {
+    fn cells(&self, _target: u32, _source: u32) -> Coverage {
+        Coverage::Full
+    }
+
+    fn pairs(&self, _target: u32, _source: u32) -> Answer {
+        Answer::Full
+    }
+
+    fn is_mirrored(&self) -> bool {
+        false
+    }
+}
+
 /// The mask's answers for one pair of leaves.
 #[derive(Clone)]
 pub(crate) enum Answer {

@@ -99,13 +99,13 @@ fn sample<T: Real>(traversal: &Traversal<'_, T>, m2p_pairs: usize) -> (Vec<ListS
         }
     }
     let mut samples = Vec::with_capacity(shape.levels());
+    let root: Vec<Candidate> = traversal.at_root().into_iter().collect();
     let mut above: Vec<(usize, Found)> = Vec::new();
     for level in 0..shape.levels() {
         let cells: Vec<usize> = shape.level(level).filter(|&cell| visited[cell]).collect();
         let found = parallel::map(cells.len(), &|k| {
             let parent = shape.nodes[cells[k]].parent as usize;
             let parent = above.binary_search_by_key(&parent, |(cell, _)| *cell);
-            let root: Vec<Candidate> = traversal.at_root().into_iter().collect();
             let candidates = parent.map_or(&root, |parent| &above[parent].1.open.items);
             let (mut near, mut found) = (Vec::new(), Found::default());
             traversal.visit(cells[k] as u32, candidates, &mut near, &mut found);
@@ -141,27 +141,12 @@ impl ListSample {
 mod tests {
     use super::*;
     use crate::expansion::admissibility::Admissibility;
-    use crate::interaction::cell_mask::{Answer, CellMask};
+    use crate::interaction::cell_mask::Everything;
     use crate::interaction::traversal::Far;
-    use crate::kernel::mask::Coverage;
     use crate::octree::geometry::Cube;
     use crate::octree::tree::Tree;
     use crate::parallel::watch::Watch;
     use glam::DVec3;
-
-    struct Everything;
-
-    impl CellMask for Everything {
-        fn cells(&self, _target: u32, _source: u32) -> Coverage {
-            Coverage::Full
-        }
-        fn pairs(&self, _target: u32, _source: u32) -> Answer {
-            Answer::Full
-        }
-        fn is_mirrored(&self) -> bool {
-            true
-        }
-    }
 
     #[test]
     fn a_sample_of_all_cells_is_what_the_lists_hold() {

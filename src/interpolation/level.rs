@@ -15,7 +15,7 @@ use crate::interpolation::probe::{self, Parities};
 use crate::interpolation::scale::Scale;
 use crate::interpolation::slopes::Slopes;
 use crate::interpolation::transfer::Transfers;
-use crate::interpolation::tuning::{ATTEMPTS, CHECK_POINTS};
+use crate::interpolation::tuning::{ATTEMPTS, CHECK_POINTS, FORETOLD_ATTEMPTS};
 use crate::numbers::traits::Scalar;
 use crate::parallel;
 
@@ -92,9 +92,6 @@ pub(crate) fn build_levels<S: Scalar>(requests: &[Request<'_, S>]) -> Result<Vec
     }
     Ok(attempts.into_iter().map(|attempt| attempt.built).collect())
 }
-
-/// The first attempt is seldom the last.
-const FORETOLD_ATTEMPTS: f64 = 2.0;
 
 /// The operators of a level with one choice of its cut-offs.
 struct Attempt<'a, S: Scalar> {

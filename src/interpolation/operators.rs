@@ -25,7 +25,7 @@ use crate::interpolation::order::{Refusal, order_of};
 use crate::interpolation::probe;
 use crate::interpolation::scale::Scale;
 use crate::interpolation::slopes::Slopes;
-use crate::interpolation::tuning::{MAX_ORDER, MORE_ORDERS, WHOLE_DENSITY};
+use crate::interpolation::tuning::{FORETOLD_ATTEMPTS, MAX_ORDER, MORE_ORDERS, WHOLE_DENSITY};
 use crate::linalg::matrix::Matrix;
 use crate::numbers::traits::{Real, Scalar};
 use crate::parallel;
@@ -256,9 +256,8 @@ fn foretell<'a, S: Scalar>(
         // The rank of 1/r is that of a smooth kernel; others have more.
         let rank = cost::rank(accuracy, kernel.fields.min(kernel.densities)) as usize;
         let [own, products] = operator_costs(kernel, n, rank, parities.is_some());
-        // The first attempt is seldom the last.
-        evaluations += sides * samples + 2.0 * own;
-        multiply_adds += sides * columns + 2.0 * products;
+        evaluations += sides * samples + FORETOLD_ATTEMPTS * own;
+        multiply_adds += sides * columns + FORETOLD_ATTEMPTS * products;
     }
     kernel.afford(evaluations, multiply_adds)
 }

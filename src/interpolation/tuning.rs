@@ -28,6 +28,9 @@ pub(crate) const UNEVEN_SHARE: f64 = 0.1;
 /// How often the cut-offs of a level are chosen anew.
 pub(crate) const ATTEMPTS: usize = 3;
 
+/// How many of them are foretold: the first is seldom the last.
+pub(crate) const FORETOLD_ATTEMPTS: f64 = 2.0;
+
 /// How many bytes of operators the process remembers.
 pub(crate) const STORE_BYTES: usize = 1 << 29;
 

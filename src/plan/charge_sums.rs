@@ -3,9 +3,7 @@
 use crate::numbers::traits::{Numbers, l2_norm};
 use crate::octree::shape::Shape;
 use crate::parallel;
-
-/// Charges whose sizes are found one after the other.
-const PIECE: usize = 1024;
+use crate::plan::tuning::PIECE;
 
 /// Sizes of charges, and for each cell Σ |q| and (Σ |q|²)^½.
 pub(crate) struct ChargeSums {

@@ -10,10 +10,9 @@ use crate::error::{Error, PointSet};
 use crate::expansion::admissibility::Admissibility;
 use crate::expansion::geometry::Level;
 use crate::expansion::{ChargeOf, Expansion, SourceOf, TargetOf, ValueOf};
-use crate::interaction::cell_mask::{Answer, CellMask};
+use crate::interaction::cell_mask::Everything;
 use crate::interaction::lists::{Lists, first_level_of_many};
 use crate::interaction::traversal::{Far, Traversal};
-use crate::kernel::mask::Coverage;
 use crate::kernel::traits::Kernel;
 use crate::numbers::traits::{Numbers, Real};
 use crate::octree::geometry::Cube;
@@ -327,23 +326,6 @@ fn joined(mut ranges: Vec<Range<u32>>) -> Vec<Range<u32>> {
 
 fn expected(what: &'static str, expected: usize, found: usize) -> Result<(), Error> {
     if expected == found { Ok(()) } else { Err(Error::LengthMismatch { what, expected, found }) }
-}
-
-/// No mask.
-struct Everything;
-
-impl CellMask for Everything {
-    fn cells(&self, _target: u32, _source: u32) -> Coverage {
-        Coverage::Full
-    }
-
-    fn pairs(&self, _target: u32, _source: u32) -> Answer {
-        Answer::Full
-    }
-
-    fn is_mirrored(&self) -> bool {
-        false
-    }
 }
 
 #[cfg(test)]
