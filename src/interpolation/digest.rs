@@ -1,7 +1,12 @@
 //! What operators were built from, as one number.
 
+use std::sync::Arc;
+
+use crate::error::Error;
 use crate::interpolation::entries::{Entries, PointOf, zero};
-use crate::interpolation::hashing::Digest;
+use crate::interpolation::far_field::FarField;
+use crate::interpolation::hashing::{Digest, TAKEN};
+use crate::interpolation::level::{LevelOperators, operator_costs};
 use crate::interpolation::operators::{Operators, Sizes};
 use crate::interpolation::probe::sample;
 use crate::interpolation::ranges::skeletons;
@@ -13,17 +18,32 @@ impl<S: Scalar> Operators<S> {
     /// A number that stands for a quarter of the values of the kernel from which bases and M2L matrices were made: for
     /// the whole fields of one source of four. It also stands for values between random points of all pairs of cells.
     /// Kernels that differ in what operators are made of have the same number only if they differ next to nowhere.
+    ///
+    /// # Errors
+    /// [`Error::OverWork`](crate::Error::OverWork), before any value is computed.
     pub(crate) fn digest(
         &self,
         kernel: &Entries<'_, S>,
         slopes: Option<&Entries<'_, S>>,
         sizes: &Sizes<S::Real>,
-    ) -> u64 {
+    ) -> Result<u64, Error> {
+        let levels = || self.levels.iter().enumerate();
+        let far = |(l, level): (usize, &Arc<LevelOperators<S>>)| {
+            sizes.far_field(l, level.bases.reflected)
+        };
+        let fields: Vec<FarField<_>> = levels().map(far).collect();
+        let (n, mut evaluations) = (self.rule.len(), 0.0);
+        for ((_, level), far) in levels().zip(&fields) {
+            let rank = level.bases.target.functions.columns;
+            let [of_matrices, _] = operator_costs(kernel, n, rank, level.bases.reflected);
+            evaluations += (n.pow(3) * far.len()) as f64 / TAKEN as f64 + of_matrices;
+        }
+        kernel.afford(evaluations, 0.0)?;
+
         let digest = Digest::default();
         let digested = &kernel.digested_by(Some(&digest));
-        for (l, level) in self.levels.iter().enumerate() {
+        for ((l, level), far) in levels().zip(&fields) {
             let digested = &digested.weighted_by(&sizes.weights[l]);
-            let far = sizes.far_field(l, level.bases.reflected);
             let (nodes, sources) = far.places(&self.rule);
             let field = |xs: &[PointOf<S>], y: PointOf<S>| {
                 if Digest::takes(&y.to_array()) {
@@ -40,7 +60,7 @@ impl<S: Scalar> Operators<S> {
                 }
             });
         }
-        self.digest_from(digest, kernel, slopes, sizes)
+        Ok(self.digest_from(digest, kernel, slopes, sizes))
     }
 
     /// The same, if `digest` has the values that bases and matrices were made from.

@@ -66,7 +66,7 @@ impl Hasher for StableHasher {
 pub(crate) struct Digest(AtomicU64);
 
 /// One of so many sources is taken.
-const TAKEN: u64 = 4;
+pub(crate) const TAKEN: u64 = 4;
 
 impl Digest {
     /// Whether the field of a source at these coordinates is taken: one of four is, whichever they are.

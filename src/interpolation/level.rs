@@ -15,7 +15,7 @@ use crate::interpolation::probe::{self, Parities};
 use crate::interpolation::scale::Scale;
 use crate::interpolation::slopes::Slopes;
 use crate::interpolation::transfer::Transfers;
-use crate::interpolation::tuning::{ATTEMPTS, CHECK_POINTS, FORETOLD_ATTEMPTS};
+use crate::interpolation::tuning::{ATTEMPTS, CHECK_POINTS, FORETOLD_ATTEMPTS, TIGHTENED};
 use crate::numbers::traits::Scalar;
 use crate::parallel;
 
@@ -96,7 +96,8 @@ pub(crate) fn build_levels<S: Scalar>(requests: &[Request<'_, S>]) -> Result<Vec
 /// The operators of a level with one choice of its cut-offs.
 struct Attempt<'a, S: Scalar> {
     request: &'a Request<'a, S>,
-    /// None once the level's own error is accepted: they are large, and not needed any more.
+    /// None once they are not needed any more, since they are large: the level's own error is accepted, or has other
+    /// causes than truncations.
     spectra: Option<Spectra<S>>,
     /// The share of the tolerance that truncations have.
     share: f64,
@@ -110,7 +111,7 @@ impl<'a, S: Scalar> Attempt<'a, S> {
         Self { request, spectra, share, built }
     }
 
-    /// A smaller share and what comes of it; none if the level's own error is accepted.
+    /// A smaller share and what comes of it; none if that would bring nothing.
     fn tightened(&self) -> Result<Option<(f64, Built<S>)>, Error> {
         let Some(spectra) = &self.spectra else { return Ok(None) };
         let excess = self.built.operators.error / self.request.accepted_error();
@@ -119,7 +120,9 @@ impl<'a, S: Scalar> Attempt<'a, S> {
     }
 
     fn take(&mut self, share: f64, built: Built<S>) {
-        if built.operators.error <= self.request.accepted_error() {
+        let error = built.operators.error;
+        let is_truncation = error <= TIGHTENED * self.built.operators.error;
+        if error <= self.request.accepted_error() || !is_truncation {
             self.spectra = None;
         }
         (self.share, self.built) = (share, built);

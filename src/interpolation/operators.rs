@@ -79,7 +79,15 @@ pub(crate) struct Kept<S: Scalar> {
 impl<T: Real> Sizes<T> {
     /// The far field on a level; without parities it is sampled more densely.
     pub(crate) fn far_field(&self, level: usize, reflected: bool) -> FarField<T> {
-        let density = if reflected { 1 } else { WHOLE_DENSITY };
+        self.sampled(level, if reflected { 1 } else { WHOLE_DENSITY })
+    }
+
+    /// The same without samples of what comes from there.
+    pub(crate) fn offsets(&self, level: usize) -> FarField<T> {
+        self.sampled(level, 0)
+    }
+
+    fn sampled(&self, level: usize, density: usize) -> FarField<T> {
         let carried = self.carried[level].clone();
         FarField::new(self.half_widths[level], self.reaches[level], density, carried)
     }
@@ -237,6 +245,21 @@ impl<S: Scalar> Operators<S> {
         }
         Err(Error::UnreachableTolerance { requested: tolerance, reachable }.into())
     }
+}
+
+/// Refuses operators of so many levels if not even those of the lowest order can be afforded: a test of each level, and
+/// operators of it.
+pub(crate) fn afford_any<S: Scalar>(
+    kernel: &Entries<'_, S>,
+    accuracy: Accuracy,
+    levels: usize,
+) -> Result<(), Error> {
+    let [evaluations, products] = test_costs(kernel, 1).map(|cost| levels as f64 * cost);
+    kernel.afford_probes(evaluations, products)?;
+    let rank = cost::rank(accuracy, kernel.fields.min(kernel.densities)) as usize;
+    let all = FORETOLD_ATTEMPTS * levels as f64;
+    let [evaluations, products] = operator_costs(kernel, 1, rank, true).map(|cost| all * cost);
+    kernel.afford(evaluations, products)
 }
 
 /// Refuses operators of order `n`, with so many sides of their own, that can't be afforded, before they are

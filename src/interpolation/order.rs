@@ -3,13 +3,15 @@
 use crate::error::Error;
 use crate::expansion::admissibility::Admissibility;
 use crate::expansion::geometry::Level;
-use crate::interpolation::budget::INTERPOLATION_SHARE;
+use crate::interpolation::budget::{INTERPOLATION_SHARE, LIMITING_SHARE};
 use crate::interpolation::carried::number;
 use crate::interpolation::chebyshev::Chebyshev;
 use crate::interpolation::far_field::FarField;
 use crate::interpolation::means::{interaction_offsets, largest, weight};
 use crate::interpolation::offset_errors::OffsetErrors;
-use crate::interpolation::tuning::{MAX_ORDER, SMOOTH_SHARE, UNEVEN_SHARE, WORTH_A_NODE};
+use crate::interpolation::tuning::{
+    CONVERGING, MAX_ORDER, SMOOTH_SHARE, UNEVEN_SHARE, WORTH_A_NODE,
+};
 use crate::kernel::mask::Coverage;
 use crate::numbers::traits::Real;
 
@@ -116,31 +118,58 @@ pub(crate) fn order_of<T: Real>(
         tried.borrow_mut().push(errors);
         mean
     });
-    let refusal = match rule {
-        Ok(rule) => return Ok(rule.len()),
-        Err(refusal) => refusal,
-    };
     let most = INTERPOLATION_SHARE * requested;
     let tried = tried.into_inner();
-    let smooth = |errors: &Vec<OffsetErrors>| {
-        smooth_share(fields, &failing(errors.iter().map(|level| &level.each[..]), most))
+    let (n, mut failing) = match rule {
+        Ok(rule) => {
+            let slow = slow_offsets(&tried, most);
+            if !slow.iter().flatten().any(|&is_slow| is_slow) {
+                return Ok(rule.len());
+            }
+            (rule.len(), slow)
+        }
+        Err(refusal) => smooth_offsets(fields, &tried, most).ok_or(refusal)?,
     };
-    let Some(last) = tried.last().map(smooth).filter(|&share| share >= SMOOTH_SHARE) else {
-        return Err(refusal.into());
-    };
-    // More nodes are not worth it for a few offsets more.
-    let Some(n) = tried.iter().position(|errors| smooth(errors) >= WORTH_A_NODE * last) else {
-        return Err(refusal.into());
-    };
-    let mut failing = failing(tried[n].iter().map(|level| &level.each[..]), most);
-    if smooth_share(fields, &failing) > 1.0 - UNEVEN_SHARE {
-        return Err(refusal.into());
-    }
     // What is in the way somewhere may be so at other offsets and have been missed.
-    for (failing, closer) in failing.iter_mut().zip(closer(&Chebyshev::new(n + 1))?) {
+    for (failing, closer) in failing.iter_mut().zip(closer(&Chebyshev::new(n))?) {
         failing.iter_mut().zip(closer).for_each(|(fails, error)| *fails |= is_off(error, most));
     }
     Err(Restriction::split(failing))
+}
+
+/// Which offsets are in the way though their errors are small enough by now: if the last node more took the whole error
+/// down by less than it does where a kernel is smooth, those where it did so. Bases that are found from samples don't
+/// hold what other sources send there.
+fn slow_offsets(tried: &[Vec<OffsetErrors>], most: f64) -> Vec<Vec<bool>> {
+    let [.., before, last] = tried else { return Vec::new() };
+    let mean = |errors: &[OffsetErrors]| largest(errors.iter().map(|level| level.mean));
+    if mean(last) <= CONVERGING * mean(before) {
+        return Vec::new();
+    }
+    let is_slow = |(before, last): (&f64, &f64)| {
+        is_off(*last, (CONVERGING * before).max(LIMITING_SHARE * most))
+    };
+    let of_level = |(before, last): (&OffsetErrors, &OffsetErrors)| {
+        before.each.iter().zip(&last.each).map(is_slow).collect()
+    };
+    before.iter().zip(last).map(of_level).collect()
+}
+
+/// With how many nodes most offsets are smooth that ever are, and which then are not, if those are few enough to be
+/// known and enough to be worth it.
+fn smooth_offsets<T: Real>(
+    fields: &[FarField<T>],
+    tried: &[Vec<OffsetErrors>],
+    most: f64,
+) -> Option<(usize, Vec<Vec<bool>>)> {
+    let failing =
+        |errors: &Vec<OffsetErrors>| failing(errors.iter().map(|level| &level.each[..]), most);
+    let smooth = |errors: &Vec<OffsetErrors>| smooth_share(fields, &failing(errors));
+    let last = tried.last().map(smooth).filter(|&share| share >= SMOOTH_SHARE)?;
+    // More nodes are not worth it for a few offsets more.
+    let n = tried.iter().position(|errors| smooth(errors) >= WORTH_A_NODE * last)?;
+    let failing = failing(&tried[n]);
+    (smooth_share(fields, &failing) <= 1.0 - UNEVEN_SHARE).then_some((n + 1, failing))
 }
 
 /// Which offsets of each level have larger errors than `most`, or none that is a number.
@@ -174,10 +203,20 @@ mod tests {
 
     /// What there is for a tolerance of 1e-3 if the offsets in the way never converge, others after four nodes.
     fn order(in_the_way: fn([i32; 3]) -> bool, seen_closer: [i32; 3]) -> Result<usize, Refusal> {
+        order_with(in_the_way, |_| 1.0, seen_closer)
+    }
+
+    /// The same with what the errors are with so many nodes at the offsets in the way.
+    fn order_with(
+        in_the_way: fn([i32; 3]) -> bool,
+        there: fn(f64) -> f64,
+        seen_closer: [i32; 3],
+    ) -> Result<usize, Refusal> {
         let fields = [FarField::new(0.5, 8.0, 1, Carried::default())];
         let errors = |rule: &Chebyshev<f64>| {
-            let smooth = 0.1f64.powi(rule.len() as i32);
-            let each = interaction_offsets().map(|o| if in_the_way(o) { 1.0 } else { smooth });
+            let n = rule.len() as f64;
+            let [smooth, there] = [0.1f64.powf(n), there(n)];
+            let each = interaction_offsets().map(|o| if in_the_way(o) { there } else { smooth });
             let each: Vec<f64> = each.collect();
             vec![OffsetErrors { mean: largest(each.iter().copied()), each }]
         };
@@ -199,6 +238,18 @@ mod tests {
         let split = plane.of(&Admissibility::default(), &levels, |_| false);
         assert_eq!(split.of(2, [-3, -1, -2]), Coverage::Partial, "it shares operators");
         assert_eq!(split.of(2, [-3, 1, 2]), Coverage::Full);
+    }
+
+    #[test]
+    fn what_converges_slowly_is_in_the_way() {
+        let plane = |o: [i32; 3]| o[0] == 0;
+        // Within a quarter of the tolerance after nine nodes, and with the first of them.
+        let kink = order_with(plane, |n| 2e-2 / (n * n), [3, 1, 2]);
+        let Err(Refusal::Restricted(kink)) = kink else { panic!("{kink:?}") };
+        let expected = interaction_offsets().map(|o| plane(o) || o == [3, 1, 2]);
+        assert_eq!(kink.offsets, vec![expected.collect::<Vec<bool>>()]);
+        assert_eq!(order_with(plane, |n| 0.5f64.powf(n), [0; 3]).unwrap(), 12);
+        assert_eq!(order_with(plane, |_| 2e-4, [0; 3]).unwrap(), 4);
     }
 
     #[test]

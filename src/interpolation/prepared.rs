@@ -17,7 +17,7 @@ use crate::interpolation::known::Identity;
 use crate::interpolation::left_out::leave_out;
 use crate::interpolation::level::LevelOperators;
 use crate::interpolation::means::INTERACTION_OFFSETS;
-use crate::interpolation::operators::{Operators, Sizes};
+use crate::interpolation::operators::{Operators, Sizes, afford_any};
 use crate::interpolation::order::{Refusal, Restriction, smooth_share};
 use crate::interpolation::probe;
 use crate::interpolation::reuse;
@@ -145,6 +145,10 @@ impl<S: Scalar> Invariant<S> {
         let levels = || geometry.levels.iter().map(|level| level.half_width);
         let degree = probe::homogeneity(kernel, geometry.root.half_width(), levels());
         let one = S::Real::from_f64(1.0);
+        if former.is_none() {
+            let levels = degree.map_or(geometry.levels.len(), |_| 1);
+            afford_any(kernel, accuracy, levels)?;
+        }
         let (length, half_widths) = match degree {
             Some(_) => (probe::reference(geometry.root.half_width()), vec![one]),
             None => (one, levels().collect()),
@@ -197,7 +201,7 @@ impl<S: Scalar> Invariant<S> {
         let of_level = |index: usize| -> Result<Scales, Refusal> {
             // One set of operators serves all levels, or one.
             let own = if sizes.homogeneous { 0..geometry.levels.len() } else { index..index + 1 };
-            let far = sizes.far_field(index, true);
+            let far = sizes.offsets(index);
             let scale = |entries: &Entries<'_, S>, derivatives: bool| {
                 let model = far.size(entries);
                 if !model.least().is_finite() {

@@ -16,6 +16,9 @@ pub(crate) const SMOOTH_SHARE: f64 = 0.1;
 /// No more nodes are taken once this share of the pairs is smooth enough that would be with the most.
 pub(crate) const WORTH_A_NODE: f64 = 0.9;
 
+/// A smooth kernel's errors fall at least to this with a node more.
+pub(crate) const CONVERGING: f64 = 0.75;
+
 /// What is little is left out if this share of a level's pairs is.
 pub(crate) const WORTH_LEAVING: f64 = 0.5;
 
@@ -27,6 +30,9 @@ pub(crate) const UNEVEN_SHARE: f64 = 0.1;
 
 /// How often the cut-offs of a level are chosen anew.
 pub(crate) const ATTEMPTS: usize = 3;
+
+/// Cut-offs are not chosen anew where that left more than this of an error: it is not theirs.
+pub(crate) const TIGHTENED: f64 = 0.9;
 
 /// How many of them are foretold: the first is seldom the last.
 pub(crate) const FORETOLD_ATTEMPTS: f64 = 2.0;
@@ -103,9 +109,12 @@ pub(crate) const EXTENDED_BYTES: usize = 1 << 30;
 /// One evaluation of the kernel's entries costs about as much as this many pairs of a near field.
 pub(crate) const ENTRY_PAIRS: usize = 4;
 
-/// Multiply-adds per second of one core in factorisations and products of set-up, as they are counted: with AVX-512 they
-/// were done at 5e9 to 7.5e9, for 1/r and Yukawa's kernel at 1e-9. Registers half as wide do half as many.
-pub(crate) const SET_UP_FLOPS: f64 = 4e9;
+/// Seconds of one core for set-up, fitted to plans of seven formulas at 1e-3, 1e-6 and 1e-9 on one AVX-512 machine: for an
+/// entry, so many pairs of a near field to evaluate it, and so much to move, transform and compare it; and a multiply-add
+/// of factorisations and products, as they are counted. All of them took .5 to 1.2 times as long.
+pub(crate) const SET_UP_PAIRS: f64 = 2.5;
+pub(crate) const SET_UP_ENTRY: f64 = 1.4e-8;
+pub(crate) const SET_UP_PRODUCT: f64 = 1.7e-10;
 
 /// The share of set-up that may go into finding out how much it takes.
 pub(crate) const PROBING_SHARE: f64 = 0.125;

@@ -4,7 +4,9 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use crate::error::Error;
 use crate::expansion::geometry::Geometry;
-use crate::interpolation::tuning::{ENTRY_PAIRS, PROBING_SHARE, SET_UP_FLOPS};
+use crate::interpolation::tuning::{
+    ENTRY_PAIRS, PROBING_SHARE, SET_UP_ENTRY, SET_UP_PAIRS, SET_UP_PRODUCT,
+};
 use crate::numbers::traits::Real;
 use crate::parallel::watch::Watch;
 
@@ -22,8 +24,9 @@ pub(crate) struct Work {
     spent: f64,
     /// Core seconds of an application.
     apply_limit: f64,
-    /// Core seconds of one evaluation of the kernel.
+    /// Core seconds of one evaluation of the kernel, and of one in an application.
     evaluation: f64,
+    applied: f64,
     /// Evaluations so far.
     evaluations: AtomicU64,
     /// Multiply-adds so far.
@@ -38,7 +41,8 @@ impl Work {
             limit: geometry.most_seconds,
             spent,
             apply_limit: geometry.most_apply_seconds,
-            evaluation: ENTRY_PAIRS as f64 * geometry.pair_seconds,
+            evaluation: SET_UP_PAIRS * geometry.pair_seconds + SET_UP_ENTRY,
+            applied: ENTRY_PAIRS as f64 * geometry.pair_seconds,
             evaluations: AtomicU64::new(0),
             multiply_adds: AtomicU64::new(0),
         }
@@ -87,14 +91,14 @@ impl Work {
     /// # Errors
     /// [`Error::OverWork`], or [`Error::Stopped`].
     pub(crate) fn afford_application(&self, evaluations: f64) -> Result<(), Error> {
-        let (limit, needed) = (self.apply_limit, evaluations * self.evaluation);
+        let (limit, needed) = (self.apply_limit, evaluations * self.applied);
         if needed <= limit { Ok(()) } else { Err(Error::OverWork { limit, needed }) }
     }
 
     /// Whether they fit, beside what has been counted, into a share of the limit.
     fn within(&self, share: f64, evaluations: f64, multiply_adds: f64) -> Result<(), Error> {
         self.watch.check()?;
-        let more = evaluations * self.evaluation + multiply_adds / SET_UP_FLOPS;
+        let more = evaluations * self.evaluation + multiply_adds * SET_UP_PRODUCT;
         let (limit, needed) = (self.limit, (self.seconds() + more) / share);
         if needed <= limit { Ok(()) } else { Err(Error::OverWork { limit, needed }) }
     }
@@ -103,7 +107,7 @@ impl Work {
     pub(crate) fn seconds(&self) -> f64 {
         let evaluations = self.evaluations.load(Relaxed) as f64;
         let multiply_adds = self.multiply_adds.load(Relaxed) as f64;
-        self.spent + evaluations * self.evaluation + multiply_adds / SET_UP_FLOPS
+        self.spent + evaluations * self.evaluation + multiply_adds * SET_UP_PRODUCT
     }
 }
 
@@ -116,23 +120,24 @@ mod tests {
     #[test]
     fn what_is_too_much_is_refused_before_it_is_done() {
         let root = Cube::new(DVec3::ZERO, 1.0);
+        let pair_seconds = (0.01 - SET_UP_ENTRY) / SET_UP_PAIRS;
         let geometry = Geometry {
             most_seconds: 1.0,
-            most_apply_seconds: 0.1,
-            pair_seconds: 0.01 / ENTRY_PAIRS as f64,
+            most_apply_seconds: 10.0 * ENTRY_PAIRS as f64 * pair_seconds,
+            pair_seconds,
             ..Geometry::new(root, Vec::new())
         };
         let work = Work::new(&geometry, 0.0);
         assert!(work.afford_application(9.0).is_ok() && work.afford_application(11.0).is_err());
         work.add_evaluations(50);
-        assert!(work.afford(40.0, 0.05 * SET_UP_FLOPS).is_ok());
-        work.spend(0.4 * SET_UP_FLOPS).unwrap();
-        let Err(Error::OverWork { limit, needed }) = work.spend(0.2 * SET_UP_FLOPS) else {
+        assert!(work.afford(40.0, 0.05 / SET_UP_PRODUCT).is_ok());
+        work.spend(0.4 / SET_UP_PRODUCT).unwrap();
+        let Err(Error::OverWork { limit, needed }) = work.spend(0.2 / SET_UP_PRODUCT) else {
             panic!()
         };
         assert!(limit == 1.0 && (needed - 1.1).abs() < 1e-9, "{needed}");
         // What was refused does not count.
-        assert!(work.afford(0.0, 0.05 * SET_UP_FLOPS).is_ok());
+        assert!(work.afford(0.0, 0.05 / SET_UP_PRODUCT).is_ok());
         assert!(work.afford_probes(0.0, 0.0).is_err(), "probes had their share");
         // What was spent before does.
         let again = Work::new(&geometry, work.seconds());

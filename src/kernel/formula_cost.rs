@@ -6,11 +6,11 @@ use crate::numbers::counted::{Counted, operations};
 use crate::numbers::number::{Coordinates, Number};
 use crate::numbers::traits::Real;
 
-/// Seconds of one core for one simple operation with a register, measured with formulas of all functions on one
-/// AVX-512 machine.
+/// Seconds of one core for one simple operation with a register, measured with formulas of all functions on two
+/// AVX-512 machines.
 const REGISTER_SECONDS: f64 = 2e-10;
 /// Seconds for a quotient or a square root of one number in double precision. Registers of any width take as long.
-const SLOW_SECONDS: f64 = 7e-10;
+const SLOW_SECONDS: f64 = 4.5e-10;
 /// Simple operations of every pair beside those of its formula and of its products.
 const OTHER_OPERATIONS: f64 = 4.0;
 

@@ -83,32 +83,32 @@ impl<T: Real> Number for Counted<T> {
         counted(0.0, 1.0, self.0)
     }
     fn exp(self) -> Self {
-        counted(30.0, 0.0, self.0)
+        counted(45.0, 0.0, self.0)
     }
     fn ln(self) -> Self {
-        counted(40.0, 1.0, self.0)
-    }
-    fn sin(self) -> Self {
-        counted(40.0, 0.0, self.0)
-    }
-    fn cos(self) -> Self {
-        counted(40.0, 0.0, self.0)
-    }
-    fn tanh(self) -> Self {
         counted(50.0, 1.0, self.0)
     }
+    fn sin(self) -> Self {
+        counted(50.0, 0.0, self.0)
+    }
+    fn cos(self) -> Self {
+        counted(50.0, 0.0, self.0)
+    }
+    fn tanh(self) -> Self {
+        counted(70.0, 1.0, self.0)
+    }
     fn erf(self) -> Self {
-        counted(80.0, 1.0, self.0)
+        counted(110.0, 1.0, self.0)
     }
     fn erfc(self) -> Self {
-        counted(100.0, 1.0, self.0)
+        counted(130.0, 1.0, self.0)
     }
     fn powi(self, n: i32) -> Self {
         let products = 2 * (n.unsigned_abs() | 1).ilog2();
         counted(f64::from(products), if n < 0 { 1.0 } else { 0.0 }, self.0)
     }
     fn powf(self, _: f64) -> Self {
-        counted(100.0, 1.0, self.0)
+        counted(170.0, 1.0, self.0)
     }
     fn less_than(self, other: Self) -> bool {
         counted(1.0, 0.0, self.0).0 < other.0

@@ -8,7 +8,7 @@ use farfield::conformance::Counting;
 use farfield::{
     Cell, Error, Expansion, Fmm, FnKernel, Scheme, Unmasked, direct, from_fn, relative_l2_error,
 };
-use farfield_testing::clouds;
+use farfield_testing::clouds::{self, Random};
 use glam::DVec3;
 
 use crate::{Formula, plain};
@@ -143,6 +143,23 @@ fn nothing_that_is_measured_decides() {
     for threads in [2, 7] {
         assert_eq!(build(threads), first);
     }
+}
+
+#[test]
+fn what_can_t_be_afforded_is_not_begun() {
+    // So many sizes of cells, and so few points, that operators would take many times as long as the sums.
+    let mut random = Random::new(1);
+    let shrinking = |_| random.direction() * 10f64.powf(-16.0 * random.unit());
+    let points: Vec<DVec3> = (0..3000).map(shrinking).collect();
+    let calls = AtomicU64::new(0);
+    let gaussian = from_fn(|x: DVec3, y: DVec3| {
+        calls.fetch_add(1, Relaxed);
+        (-9.0 * x.distance_squared(y)).exp()
+    });
+    let fmm = Fmm::builder(gaussian).tolerance(1e-6).build(&points, &points).unwrap();
+    assert_eq!(fmm.report().stats.scheme, Scheme::Direct);
+    let asked = calls.load(Relaxed);
+    assert!(asked < 3000 * 3000 / 50, "{asked}");
 }
 
 #[test]

@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
 use farfield::{
-    Fmm, FnKernel, Interpolation, Kernel, OperatorStore, Outcome, Point, StoreError, direct,
-    from_fn, relative_l2_error,
+    Fmm, FnKernel, Interpolation, Kernel, OperatorStore, Outcome, Point, Scheme, StoreError,
+    direct, from_fn, relative_l2_error,
 };
 use farfield_testing::clouds::cube;
 use glam::DVec3;
@@ -192,6 +192,27 @@ fn kernels_behind_pointers_are_told_apart() {
     let exact = direct(&smooth(), &points, &charges, &points).expect("finite");
     assert!(relative_l2_error(&sums(smooth(), &shared), &exact) < 1e-4);
     assert_eq!(sums(rough(), &shared), sums(rough(), &own));
+}
+
+#[test]
+fn operators_are_not_recognised_for_more_than_sums_take() {
+    let waves: fn(DVec3, DVec3) -> f64 = |x, y| {
+        let r = x.distance(y);
+        (30.0 * r).cos() / (0.1 + r)
+    };
+    let points = cube(6000, 1);
+    let planned = |applications: usize, store: &OperatorStore| {
+        let evaluations = &AtomicUsize::new(0);
+        let kernel = Counting { formula: plain(waves), evaluations, identity: None };
+        let builder = Fmm::builder(kernel).tolerance(1e-4).operator_store(store);
+        let fmm = builder.applications(applications).build(&points, &points).expect("smooth");
+        (fmm.report().stats.scheme, evaluations.load(Relaxed))
+    };
+    let store = OperatorStore::new(1 << 30);
+    let (often, _) = planned(10_000, &store);
+    let (once, asked) = planned(1, &store);
+    assert_eq!([often, once], [Scheme::Fmm, Scheme::Direct]);
+    assert!(asked < 6000 * 6000 / 100, "{asked}");
 }
 
 #[test]
