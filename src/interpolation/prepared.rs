@@ -145,10 +145,6 @@ impl<S: Scalar> Invariant<S> {
         let levels = || geometry.levels.iter().map(|level| level.half_width);
         let degree = probe::homogeneity(kernel, geometry.root.half_width(), levels());
         let one = S::Real::from_f64(1.0);
-        if former.is_none() {
-            let levels = degree.map_or(geometry.levels.len(), |_| 1);
-            afford_any(kernel, accuracy, levels)?;
-        }
         let (length, half_widths) = match degree {
             Some(_) => (probe::reference(geometry.root.half_width()), vec![one]),
             None => (one, levels().collect()),
@@ -196,6 +192,9 @@ impl<S: Scalar> Invariant<S> {
             (accuracy, degree, geometry.admissibility.is_whole())
         {
             leave_out(kernel, slopes, unit_size, tolerance, &geometry.levels)?;
+        }
+        if former.is_none() {
+            afford_any(kernel, accuracy, sizes.half_widths.len())?;
         }
         type Scales = (Scale, Option<Scale>);
         let of_level = |index: usize| -> Result<Scales, Refusal> {

@@ -132,13 +132,13 @@ pub trait Kernel: Send + Sync {
     /// relative error `tolerance` at most.
     ///
     /// Schemes and sizes of leaves follow from it, so that they are the same in every run: nothing is measured
-    /// unless a plan is [tuned](crate::Builder::tuned). Sums are right whatever is said here. The default is a
-    /// nanosecond, and one more for each product of an entry and a density. A kernel that is much slower says so, for
+    /// unless a plan is [tuned](crate::Builder::tuned). Sums are right whatever is said here. The default is two
+    /// nanoseconds, and two more for each product of an entry and a density. A kernel that is much slower says so, for
     /// the sake of speed; for a closure, [`Builder::pair_seconds`](crate::Builder::pair_seconds) does.
     fn pair_seconds(&self, _tolerance: f64) -> f64 {
         let products = self.fields() * self.densities() * self.columns();
         let parts = if self.needs_gradients() { 4 } else { 1 };
-        1e-9 * (1 + parts * products) as f64
+        2e-9 * (1 + parts * products) as f64
     }
 
     /// Writes ∂G(x, y)/∂x into `g`, in the order of the entries. A kernel that

@@ -25,7 +25,7 @@ use crate::plan::guard::Guard;
 use crate::plan::norms::Norms;
 use crate::plan::times::{BuildTimes, Clock};
 use crate::plan::trial::stands_trial;
-use crate::plan::tuning::{RESTRICTIONS, SET_UP_SECONDS, SHOWN_POINTS};
+use crate::plan::tuning::{BARGAIN, RESTRICTIONS, SET_UP_SECONDS, SHOWN_POINTS};
 use crate::plan::{Plan, Scheme, levels};
 
 impl<K: Kernel> Fmm<Interpolation<K>> {
@@ -108,7 +108,7 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
     }
 
     /// Seconds of one core that a pair takes if it is summed directly, about. By default the kernel
-    /// [says it](Kernel::pair_seconds). A closure is taken to need two nanoseconds: if yours needs much more, plans
+    /// [says it](Kernel::pair_seconds). A closure is taken to need four nanoseconds: if yours needs much more, plans
     /// are faster if you say so.
     ///
     /// Nothing that is measured decides about a plan. Another run on a processor with the same
@@ -293,9 +293,9 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
                 continue;
             }
 
-            // Operators for other charges are worth the direct sums that they save.
-            let saved = self.choices.applications as f64 * direct_seconds;
-            let most_seconds = saved + SET_UP_SECONDS;
+            // Whether there are operators for other charges shows when direct sums have to wait for them.
+            let ventured = (BARGAIN - 1.0) * direct_seconds;
+            let most_seconds = self.choices.applications as f64 * ventured + SET_UP_SECONDS;
             let geometry = Geometry { most_seconds, watch: Watch::default(), ..geometry };
             let guard = norms.map(|norms| Guard::new(norms, geometry));
             let guard = guard.filter(|guard| guard.is_needed(&self.expansion));
