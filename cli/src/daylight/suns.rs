@@ -6,6 +6,7 @@ use std::path::Path;
 use farfield::glam::DVec3;
 
 use super::failure::Failure;
+use crate::csv;
 use crate::outdoors::Compass;
 
 /// A position of the sun.
@@ -25,15 +26,14 @@ pub(crate) struct Sun {
 pub(crate) fn read(path: &Path, compass: &Compass) -> Result<Vec<Sun>, Failure> {
     let unreadable = |source| Failure::Unreadable { path: path.to_owned(), source };
     let text = fs::read_to_string(path).map_err(unreadable)?;
-    let lines = text.trim_start_matches('\u{feff}').lines().enumerate();
-    let mut lines = lines.filter(|(_, line)| !line.trim().is_empty() && !line.starts_with('#'));
     let wrong = |line: usize, expected: &'static str, found: &str| Failure::Sun {
         path: path.to_owned(),
-        line: line + 1,
+        line,
         expected,
         found: found.to_owned(),
     };
-    let (number, header) = lines.next().ok_or_else(|| wrong(0, HEADER, "nothing"))?;
+    let mut lines = csv::lines(&text);
+    let (number, header) = lines.next().ok_or_else(|| wrong(1, HEADER, "nothing"))?;
     let names: Vec<&str> = header.split(',').map(str::trim).collect();
     if names != ["time", "azimuth", "elevation"] {
         return Err(wrong(number, HEADER, header));

@@ -89,6 +89,13 @@ pub(crate) struct Args {
     #[arg(long, value_name = "FILE")]
     pub(crate) form_factors: Option<PathBuf>,
 
+    /// Also solves for emissions that change with time: a CSV file with a header `time,MATERIAL,...` and a line for
+    /// each time, with what each material's emission is multiplied by; for heat, with its temperature [K]. What is
+    /// not named stays as it is. Writes steps.csv with the mean radiosity and irradiance of each material at each time,
+    /// from one solution for each column
+    #[arg(long, value_name = "FILE")]
+    pub(crate) steps: Option<PathBuf>,
+
     /// Makes warnings errors: the exit code is 1 and nothing is written
     #[arg(long)]
     pub(crate) strict: bool,

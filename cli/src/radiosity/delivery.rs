@@ -6,7 +6,7 @@ use std::path::Path;
 use farfield_radiosity::{Occluders, Surroundings};
 use farfield_scenes::{
     ByPixel, Colours, Fields, Mesh, Output, OutputError, Page, Picture, Scene, Shading, Sight,
-    Table, png_uri,
+    Table, is_same_file, png_uri,
 };
 
 use super::args::{Args, QuantityName, VisibilityName};
@@ -15,13 +15,14 @@ use super::figures::Figures;
 use super::report::Report;
 use super::report_page::{self, Exhibits};
 use super::solve::{Exchange, RESIDUAL};
+use super::steps::STEPS;
 use super::warning::Warning;
 use super::{exr, factors, npy};
 use crate::interrupt::Interrupt;
 use crate::progress::Progress;
 
 /// All files that a run may write to its folder.
-pub(super) const FILES: [&str; 10] = [
+const FILES: [&str; 11] = [
     "radiosity.png",
     "radiosity.exr",
     "elements.ply",
@@ -32,6 +33,7 @@ pub(super) const FILES: [&str; 10] = [
     "scene.html",
     "report.json",
     "report.html",
+    STEPS,
 ];
 /// What a table of form factors may leave out of each row, in units of the tolerance.
 const LISTED: f64 = 1e-2;
@@ -48,6 +50,8 @@ pub(crate) struct Solved {
     pub(crate) by_pixel: Option<ByPixel>,
     /// What may be wrong with it.
     pub(crate) warnings: Vec<Warning>,
+    /// Whether [`STEPS`] is written.
+    pub(crate) has_steps: bool,
 }
 
 impl Solved {
@@ -59,6 +63,22 @@ impl Solved {
         };
         format!("constants on {elements} elements are {by}: once more with smaller ones")
     }
+}
+
+/// Checks that no file of a run takes the place of another, nor of the times that it reads.
+///
+/// # Errors
+/// [`Failure::Taken`], and where the form factors can't be written.
+pub(crate) fn check_names(args: &Args, output: &Output) -> Result<(), Failure> {
+    let is_taken = |path: &Path| FILES.iter().any(|name| is_same_file(path, &args.out.join(name)));
+    let taken = |flag, path: &Path| Err(Failure::Taken { flag, path: path.to_owned() });
+    if let Some(path) = args.steps.as_deref().filter(|path| is_taken(path)) {
+        return taken("--steps", path);
+    }
+    let Some(path) = args.form_factors.as_deref() else { return Ok(()) };
+    output.check(path)?;
+    let is_read = args.steps.as_deref().is_some_and(|steps| is_same_file(path, steps));
+    if is_read || is_taken(path) { taken("--form-factors", path) } else { Ok(()) }
 }
 
 /// Writes the form factors, if they are asked for. Returns whether the table is whole.
@@ -98,7 +118,7 @@ pub(crate) fn deliver(
     progress: &Progress,
     output: &mut Output,
 ) -> Result<Report, Failure> {
-    let Solved { fields, figures, by_pixel, warnings: own } = solved;
+    let Solved { fields, figures, by_pixel, warnings: own, has_steps } = solved;
     let is_solved = figures.residual.is_some();
     let sight = if args.no_picture { None } else { Some(Sight::new(scene, mesh)?) };
     // Without a solution there is no light to be seen, but form factors are.
@@ -141,6 +161,7 @@ pub(crate) fn deliver(
     }
     drop(bar);
     report.phases = progress.seconds();
+    report.files.extend(has_steps.then_some(STEPS));
     report.files.extend(["report.json", "report.html"]);
     output.write("report.json", |file| {
         serde_json::to_writer_pretty(&mut *file, &report)?;

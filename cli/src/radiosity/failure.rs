@@ -1,8 +1,10 @@
 //! Why `farfield radiosity` fails.
 
+use std::io;
 use std::path::PathBuf;
 
-use farfield_scenes::{OutputError, SceneError};
+use farfield_radiosity::Error;
+use farfield_scenes::{Mesh, OutputError, Scene, SceneError};
 
 use super::warning::Warning;
 use crate::outdoors::NorthIsUp;
@@ -36,8 +38,12 @@ pub(crate) enum Failure {
     North(#[from] NorthIsUp),
     #[error("{0}; form factors alone come by `--form-factors FILE`")]
     Dark(Warning),
-    #[error("--form-factors {}: expected a name that no other file of the run has", _0.display())]
-    Taken(PathBuf),
+    #[error("{flag} {}: expected a name that no other file of the run has", path.display())]
+    Taken { flag: &'static str, path: PathBuf },
+    #[error("{}: {source}", path.display())]
+    Unreadable { path: PathBuf, source: io::Error },
+    #[error("{}, line {line}: expected {expected}, found `{found}`", path.display())]
+    Steps { path: PathBuf, line: usize, expected: String, found: String },
     #[error("{}; nothing was written (--strict)", sentences(warnings))]
     Strict { warnings: Vec<Warning> },
     #[error(
@@ -68,6 +74,20 @@ pub(crate) enum Failure {
 }
 
 impl Failure {
+    /// The failure of an exchange or of its solution, with the place of the element that it concerns.
+    pub(crate) fn placed(error: Error, scene: &Scene, mesh: &Mesh) -> Self {
+        let place = |index| mesh.describe(scene, index);
+        match error {
+            Error::NotClosable { index, change, limit } => {
+                Self::NotClosable { element: place(index), change, limit }
+            }
+            Error::NegativeRadiosity { index, .. } => {
+                Self::Negative { element: place(index), source: error }
+            }
+            error => error.into(),
+        }
+    }
+
     /// Makes warnings errors, if they are to be.
     pub(crate) fn of_warnings(strict: bool, warnings: &[Warning]) -> Result<(), Self> {
         if strict && !warnings.is_empty() {

@@ -23,8 +23,10 @@ mod negative;
 mod npy;
 mod report;
 mod report_page;
+mod series;
 mod simulation;
 mod solve;
+mod steps;
 mod warning;
 
 pub(crate) use args::Args;

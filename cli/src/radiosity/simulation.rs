@@ -5,8 +5,7 @@ use std::io::{self, Write};
 
 use farfield_radiosity::{Error, Occluders, RadiosityOperator, Surfel, Surroundings, Visibility};
 use farfield_scenes::{
-    Cuts, Fields, Mesh, Optics, Output, Refinement, Scene, Sight, even_cuts, is_same_file,
-    with_lamps_cut,
+    Cuts, Fields, Mesh, Optics, Output, Refinement, Scene, Sight, even_cuts, with_lamps_cut,
 };
 
 use super::args::{Args, ExpansionName, QuantityName, SchemeName, SolverName, VisibilityName};
@@ -14,13 +13,15 @@ use super::balance::{RowSums, energy_residual, reflections};
 use super::check::Check;
 use super::closing;
 use super::daylight::{Received, daylight};
-use super::delivery::{FILES, Solved, deliver, write_factors};
+use super::delivery::{Solved, check_names, deliver, write_factors};
 use super::failure::Failure;
 use super::figures::Figures;
 use super::gather::{Ending, Gather, Method};
 use super::negative::Negative;
 use super::report::{Pairs, Report};
+use super::series::Series;
 use super::solve::Exchange;
+use super::steps::Lit;
 use super::warning::Warning;
 use crate::interrupt::Interrupt;
 use crate::progress::Progress;
@@ -60,17 +61,14 @@ pub(crate) fn run<const BANDS: usize>(
     if args.is_outdoors() && args.visibility == VisibilityName::None {
         return Err(Failure::Unhidden);
     }
+    let steps = args.steps.as_deref();
+    let series = steps.map(|path| Series::read(path, scene, args.quantity.into())).transpose()?;
     let dark = Warning::of_darkness(args, scene);
     let is_dark = dark.is_some();
-    if let Some(dark) = dark.filter(|_| args.form_factors.is_none()) {
+    if let Some(dark) = dark.filter(|_| args.form_factors.is_none() && series.is_none()) {
         return Err(Failure::Dark(dark));
     }
-    if let Some(path) = &args.form_factors {
-        output.check(path)?;
-        if FILES.iter().any(|name| is_same_file(path, &args.out.join(name))) {
-            return Err(Failure::Taken(path.clone()));
-        }
-    }
+    check_names(args, &output)?;
     let progress = Progress::new(args.quiet);
     let tolerance = args.sum_tolerance();
     let first = if args.is_adaptive() {
@@ -92,7 +90,8 @@ pub(crate) fn run<const BANDS: usize>(
     let mut latest: Option<(Mesh, Solved)> = None;
     let (mesh, solved) = loop {
         let last = meshes == MOST_MESHES || !args.is_adaptive();
-        let run = Run { args, scene, bands, mesh: &mesh, is_dark, progress: &progress, interrupt };
+        let (series, progress) = (series.as_ref(), &progress);
+        let run = Run { args, scene, bands, series, mesh: &mesh, is_dark, progress, interrupt };
         let refined = |fields: &Fields| {
             let field = &fields.irradiance;
             let mut next = Refinement::new(scene, &mesh, field, aim.get(), most);
@@ -141,6 +140,8 @@ struct Run<'a> {
     args: &'a Args,
     scene: &'a Scene,
     bands: usize,
+    /// Emissions that change with time, if there are any.
+    series: Option<&'a Series>,
     mesh: &'a Mesh,
     /// Whether nothing emits.
     is_dark: bool,
@@ -157,7 +158,7 @@ impl Run<'_> {
         kept: &mut Option<(Mesh, Solved)>,
         refined: &dyn Fn(&Fields) -> (Refinement, bool),
     ) -> Result<Outcome, Failure> {
-        let Self { args, scene, bands, mesh, is_dark, progress, interrupt } = *self;
+        let Self { args, scene, bands, series, mesh, is_dark, progress, interrupt } = *self;
         let tolerance = args.sum_tolerance();
         let elements = &mesh.elements;
         let surfels: Vec<Surfel> = elements.iter().map(|element| *element.surfel()).collect();
@@ -207,7 +208,7 @@ impl Run<'_> {
         let row_sums = operator.row_sums()?;
         let row_error = around.row_error(&row_sums);
         let closed = closing::close(&mut operator, scene, &around, passes);
-        let (parts, closure) = closed.map_err(|error| self.placed(error))?;
+        let (parts, closure) = closed.map_err(|error| Failure::placed(error, scene, mesh))?;
         let closed_sums = operator.row_sums()?;
         let reciprocity_error = operator.reciprocity_error()?;
         drop(bar);
@@ -250,7 +251,7 @@ impl Run<'_> {
             let own = Optics::<BANDS>::new(scene, mesh, args.quantity.into(), bands, first);
             let optics = own.clone().lit_by(daylight.as_deref().unwrap_or_default());
             let solution = exchange.solve(&optics, args.solver, tolerance, progress, interrupt);
-            let mut solution = solution.map_err(|error| self.placed(error))?;
+            let mut solution = solution.map_err(|error| Failure::placed(error, scene, mesh))?;
             if !solution.interrupted {
                 negative.take(&mut solution.irradiance, &surfels, tolerance)?;
             }
@@ -324,7 +325,7 @@ impl Run<'_> {
         };
         // What passes through everything was not to be what rays say.
         warnings.extend(Warning::of_level(bounces, row_error).filter(|_| !passes));
-        let mut solved = Solved { fields, figures, by_pixel, warnings };
+        let mut solved = Solved { fields, figures, by_pixel, warnings, has_steps: false };
         if goes_on {
             return Ok(Outcome::TooCoarse(refinement.cuts, solved));
         }
@@ -334,7 +335,13 @@ impl Run<'_> {
         }
         Failure::of_warnings(args.strict, &solved.warnings)?;
         if !interrupted {
-            let whole = write_factors(args, &exchange, &around, interrupt, progress, output)?;
+            let mut whole = write_factors(args, &exchange, &around, interrupt, progress, output)?;
+            if let Some(series) = series {
+                let daylight = daylight.as_deref().unwrap_or_default();
+                let lit = Lit { args, scene, mesh, bands, exchange: &exchange, daylight };
+                solved.has_steps = lit.write(series, output, progress, interrupt)?;
+                whole &= solved.has_steps;
+            }
             solved.figures.interrupted = !whole;
         }
         Ok(Outcome::Done(solved))
@@ -345,20 +352,6 @@ impl Run<'_> {
         let (mesh, mut solved) = kept.take_if(|_| self.interrupt.is_asked())?;
         solved.figures.interrupted = true;
         Some((mesh, solved))
-    }
-
-    /// The failure of an exchange or of its solution, with the place of the element that it concerns.
-    fn placed(&self, error: Error) -> Failure {
-        let place = |index| self.mesh.describe(self.scene, index);
-        match error {
-            Error::NotClosable { index, change, limit } => {
-                Failure::NotClosable { element: place(index), change, limit }
-            }
-            Error::NegativeRadiosity { index, .. } => {
-                Failure::Negative { element: place(index), source: error }
-            }
-            error => error.into(),
-        }
     }
 }
 
