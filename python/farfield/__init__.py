@@ -14,7 +14,7 @@ formula of r, r2 (r squared), d1 d2 d3 (x - y), x1 x2 x3 (the target), y1 y2 y3 
 from __future__ import annotations
 
 import os
-from typing import Any, NamedTuple, Union
+from typing import Any, Mapping, NamedTuple, Union
 
 import numpy as np
 
@@ -99,7 +99,8 @@ def sum(
     hessian: bool = False,
     threads: Union[int, None] = None,
     coincident: Union[str, float, None] = None,
-    **parameters: float,
+    parameters: Union[Mapping[str, float], None] = None,
+    **more: float,
 ) -> Any:
     """The sums u_i = sum_j K(x_i, y_j) q_j over all sources, at all targets.
 
@@ -113,7 +114,8 @@ def sum(
     threads: how many threads to use; as many as there are cores by default.
     coincident: what holds for a source and a target at one place: "skip", "formula" (what the formula gives there), or a
         number. By default "skip" for a formula, and what a kernel by name is known for.
-    parameters: the parameters of the kernel, such as k=2.0.
+    parameters: the parameters of the kernel by name, such as {"k": 2.0}; or each by itself, as k=2.0, unless an argument of
+        this function has its name.
 
     Returns u of shape (M,), (M, k), or (M, f) for a tensor with f rows; with `gradient`, a pair (u, du) where du has one
     more axis, of length 3; with `hessian`, three arrays (u, du, ddu) where ddu has two more axes of length 3. Right-hand
@@ -136,7 +138,8 @@ def sum(
         coincident=coincident,
         applications=1,
         columns=_columns(q),
-        **parameters,
+        parameters=parameters,
+        **more,
     )
     return planned(q)
 
@@ -153,7 +156,8 @@ def plan(
     coincident: Union[str, float, None] = None,
     applications: int = 1,
     columns: int = 1,
-    **parameters: float,
+    parameters: Union[Mapping[str, float], None] = None,
+    **more: float,
 ) -> "Plan":
     """A plan for sums between fixed points, which is applied to any number of charges.
 
@@ -164,7 +168,8 @@ def plan(
     The other arguments and the errors are those of `sum`.
     """
     derivatives = 2 if hessian else int(bool(gradient))
-    return Plan(kernel, x, targets, tolerance, derivatives, threads, coincident, applications, columns, parameters)
+    given = _parameters(parameters, more)
+    return Plan(kernel, x, targets, tolerance, derivatives, threads, coincident, applications, columns, given)
 
 
 class Plan:
@@ -363,6 +368,18 @@ def _real(name: str, array: Any, dtype: Any) -> Any:
     if dtype == np.float32 and np.any(np.isinf(numbers) & np.isfinite(array)):
         raise InputError(f"{name} has numbers beyond the largest of float32, the precision of x")
     return numbers
+
+
+def _parameters(parameters: Any, more: dict) -> dict:
+    """The parameters of a kernel, wherever they are given."""
+    if parameters is None:
+        return more
+    if not isinstance(parameters, Mapping) or not all(isinstance(name, str) for name in parameters):
+        raise InputError(f"parameters is {parameters!r}: expected names and their values, such as {{'k': 2.0}}")
+    twice = sorted(parameters.keys() & more.keys())
+    if twice:
+        raise InputError(f"{twice[0]} is given twice: expected it in parameters, or by itself")
+    return {**parameters, **more}
 
 
 def _rule(coincident: Any) -> tuple:

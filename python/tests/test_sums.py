@@ -112,6 +112,13 @@ def test_plans_tell_about_themselves():
     assert ff.plan("stokeslet", X).shape == (9000, 9000)
 
 
+def test_parameters_may_have_the_names_of_arguments():
+    expected = ff.sum("exp(-k*r)/(r + a)", X, Q, k=2.0, a=0.5)
+    assert (ff.sum("exp(-q*r)/(r + x)", X, Q, parameters={"q": 2.0, "x": 0.5}) == expected).all()
+    assert (ff.sum("exp(-q*r)/(r + a)", X, Q, parameters={"q": 2.0}, a=0.5) == expected).all()
+    assert (ff.plan("exp(-x*r)/(r + tolerance)", X, parameters={"x": 2.0, "tolerance": 0.5})(Q) == expected).all()
+
+
 def test_ready_kernels_are_listed():
     kernels = {kernel.name: kernel for kernel in ff.kernels()}
     assert kernels["yukawa"].parameters == {"k": 1.0}
