@@ -25,7 +25,7 @@ use crate::plan::guard::Guard;
 use crate::plan::norms::Norms;
 use crate::plan::times::{BuildTimes, Clock};
 use crate::plan::trial::stands_trial;
-use crate::plan::tuning::{BARGAIN, RESTRICTIONS, SET_UP_SECONDS, SHOWN_POINTS};
+use crate::plan::tuning::{RESTRICTIONS, SHOWN_POINTS};
 use crate::plan::{Plan, Scheme, levels};
 
 impl<K: Kernel> Fmm<Interpolation<K>> {
@@ -294,8 +294,7 @@ impl<'a, E: Expansion, M: Mask<E::Kernel>> Builder<'a, E, M> {
             }
 
             // Whether there are operators for other charges shows when direct sums have to wait for them.
-            let ventured = (BARGAIN - 1.0) * direct_seconds;
-            let most_seconds = self.choices.applications as f64 * ventured + SET_UP_SECONDS;
+            let most_seconds = self.choices.ventured(direct_seconds);
             let geometry = Geometry { most_seconds, watch: Watch::default(), ..geometry };
             let guard = norms.map(|norms| Guard::new(norms, geometry));
             let guard = guard.filter(|guard| guard.is_needed(&self.expansion));

@@ -85,9 +85,14 @@ impl Choices<'_> {
         // What direct sums would take, but for what the applications do.
         let apply_seconds = estimate.apply_seconds() * rayon::current_num_threads() as f64;
         let saved = (BARGAIN * direct_seconds - apply_seconds).max(0.0);
-        let ventured = (BARGAIN - 1.0) * direct_seconds;
-        let saved = if carries_all { saved } else { saved.min(ventured) };
-        self.applications as f64 * saved + SET_UP_SECONDS
+        let worth = self.applications as f64 * saved + SET_UP_SECONDS;
+        if carries_all { worth } else { worth.min(self.ventured(direct_seconds)) }
+    }
+
+    /// Seconds of one core that operators may take where it shows late whether they are of use: direct sums may have to
+    /// follow.
+    pub(crate) fn ventured(&self, direct_seconds: f64) -> f64 {
+        self.applications as f64 * (BARGAIN - 1.0) * direct_seconds + SET_UP_SECONDS
     }
 
     /// Seconds of one core that the far field of an application may take if direct sums take `direct_seconds`. Unless

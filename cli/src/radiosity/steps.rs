@@ -70,8 +70,10 @@ impl<const BANDS: usize> Lit<'_, BANDS> {
                 let mut light = [0, 1].map(|_| vec![[0.0; BANDS]; optics.emission.len()]);
                 if optics.emission.iter().flatten().any(|&e| e > 0.0) {
                     let (solver, tolerance) = (self.args.solver, self.args.sum_tolerance());
-                    let mut solution =
-                        self.exchange.solve(&optics, solver, tolerance, progress, interrupt)?;
+                    let solved =
+                        self.exchange.solve(&optics, solver, tolerance, progress, interrupt);
+                    let placed = |error| Failure::placed(error, self.scene, self.mesh);
+                    let mut solution = solved.map_err(placed)?;
                     if solution.interrupted {
                         return Ok(None);
                     }
